@@ -1,0 +1,168 @@
+"""Attitude, vectorised: quaternion, matrix, rotation vector, Euler angles, heading.
+
+Quaternions are Hamilton, scalar first, ``q_nb`` maps body vectors to n. Euler angles are
+(psi, theta, gamma) with C_b^n = Rz(psi) Rx(theta) Ry(gamma), rad; see the package docstring.
+Every function takes leading dimensions freely.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.errors import InputError
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+__all__ = [
+    "euler_to_quat",
+    "from_scipy",
+    "heading_to_psi",
+    "matrix_to_quat",
+    "multiply",
+    "psi_to_heading",
+    "quat_to_euler",
+    "quat_to_matrix",
+    "quat_to_rotvec",
+    "rotate",
+    "rotvec_to_quat",
+    "skew",
+    "to_scipy",
+]
+
+Array = NDArray[np.float64]
+
+
+def _rows(value: ArrayLike, width: int, name: str) -> tuple[tuple[int, ...], Array]:
+    array = np.asarray(value, np.float64)
+    if array.ndim < 1 or array.shape[-1] != width:
+        raise InputError(f"expected `{name}` to have shape (..., {width}), got {array.shape}")
+    return array.shape[:-1], np.ascontiguousarray(array).reshape(-1, width)
+
+
+def _call(kernel: str, rows: Array, *out_shape: int) -> Array:
+    from schuler.kernels import quat
+
+    out = np.empty((len(rows), *out_shape))
+    getattr(quat, kernel)(rows, out)
+    return out
+
+
+def rotvec_to_quat(rotvec: ArrayLike) -> Array:
+    """Return the quaternions (..., 4) of rotation vectors (..., 3), rad; exact for any angle."""
+    shape, rows = _rows(rotvec, 3, "rotvec")
+    return _call("rotvec_to_quat_many", rows, 4).reshape((*shape, 4))
+
+
+def quat_to_rotvec(quat: ArrayLike) -> Array:
+    """Return the rotation vectors (..., 3), of length in [0, pi] rad, of quaternions (..., 4)."""
+    shape, rows = _rows(quat, 4, "quat")
+    return _call("quat_to_rotvec_many", rows, 3).reshape((*shape, 3))
+
+
+def quat_to_matrix(quat: ArrayLike) -> Array:
+    """Return the direction cosine matrices (..., 3, 3) of unit quaternions (..., 4)."""
+    shape, rows = _rows(quat, 4, "quat")
+    return _call("quat_to_matrix_many", rows, 3, 3).reshape((*shape, 3, 3))
+
+
+def matrix_to_quat(matrix: ArrayLike) -> Array:
+    """Return the quaternions (..., 4), w >= 0, of rotation matrices (..., 3, 3).
+
+    Raises
+    ------
+    InputError
+        If the shape is wrong or a matrix is not a rotation to 1e-6.
+    """
+    m = np.asarray(matrix, np.float64)
+    if m.ndim < 2 or m.shape[-2:] != (3, 3):
+        raise InputError(f"expected `matrix` to have shape (..., 3, 3), got {m.shape}")
+    rows = np.ascontiguousarray(m).reshape(-1, 3, 3)
+    off = np.abs(np.einsum("nij,nkj->nik", rows, rows) - np.eye(3)).max(initial=0.0)
+    if not off < 1e-6 or np.any(np.linalg.det(rows) < 0):
+        raise InputError(
+            f"expected `matrix` to hold rotations, got one that is off by {off:.3g}; "
+            "orthonormalise it first"
+        )
+    return _call("quat_from_matrix_many", rows, 4).reshape((*m.shape[:-2], 4))
+
+
+def euler_to_quat(euler: ArrayLike) -> Array:
+    """Return the quaternions (..., 4) of (psi, theta, gamma) (..., 3), rad."""
+    shape, rows = _rows(euler, 3, "euler")
+    return _call("quat_from_euler_many", rows, 4).reshape((*shape, 4))
+
+
+def quat_to_euler(quat: ArrayLike) -> Array:
+    """Return (psi, theta, gamma) (..., 3), rad, of quaternions (..., 4).
+
+    At gimbal lock (theta within 1e-8 rad of +-90 deg) gamma is 0 and psi takes the whole turn,
+    so that the attitude itself is still exact.
+    """
+    shape, rows = _rows(quat, 4, "quat")
+    return _call("euler_from_quat_many", rows, 3).reshape((*shape, 3))
+
+
+def multiply(p: ArrayLike, q: ArrayLike) -> Array:
+    """Return the Hamilton products p q, (..., 4): the rotation q followed by p."""
+    from schuler.kernels.quat import quat_multiply_many
+
+    a, b = np.broadcast_arrays(np.asarray(p, np.float64), np.asarray(q, np.float64))
+    shape, pr = _rows(a, 4, "p")
+    _, qr = _rows(b, 4, "q")
+    out = np.empty_like(pr)
+    quat_multiply_many(pr, qr, out)
+    return out.reshape((*shape, 4))
+
+
+def rotate(quat: ArrayLike, vector: ArrayLike) -> Array:
+    """Return vectors (..., 3) turned by quaternions (..., 4)."""
+    from schuler.kernels.quat import quat_rotate_many
+
+    q, v = np.asarray(quat, np.float64), np.asarray(vector, np.float64)
+    lead = np.broadcast_shapes(q.shape[:-1], v.shape[:-1])
+    shape, qr = _rows(np.broadcast_to(q, (*lead, q.shape[-1])), 4, "quat")
+    _, vr = _rows(np.broadcast_to(v, (*lead, v.shape[-1])), 3, "vector")
+    out = np.empty_like(vr)
+    quat_rotate_many(qr, vr, out)
+    return out.reshape((*shape, 3))
+
+
+def skew(vector: ArrayLike) -> Array:
+    """Return the matrices [v x] (..., 3, 3) of vectors (..., 3): [v x] u = v x u."""
+    v = np.asarray(vector, np.float64)
+    if v.ndim < 1 or v.shape[-1] != 3:
+        raise InputError(f"expected `vector` to have shape (..., 3), got {v.shape}")
+    x, y, z = v[..., 0], v[..., 1], v[..., 2]
+    o = np.zeros_like(x)
+    return np.stack([o, -z, y, z, o, -x, -y, x, o], axis=-1).reshape((*v.shape, 3))
+
+
+def psi_to_heading(psi: ArrayLike) -> Any:
+    """Return the heading, clockwise from north in [0, 2 pi), of psi (counter-clockwise), rad."""
+    heading = np.mod(-np.asarray(psi, np.float64), 2.0 * math.pi)
+    # mod of a tiny negative number rounds up to the modulus itself.
+    return np.where(heading >= 2.0 * math.pi, 0.0, heading)[()]
+
+
+def heading_to_psi(heading: ArrayLike) -> Any:
+    """Return psi in (-pi, pi] of a heading, rad."""
+    psi = -np.asarray(heading, np.float64)
+    return (math.pi - np.mod(math.pi - psi, 2.0 * math.pi))[()]
+
+
+def to_scipy(quat: ArrayLike) -> Rotation:
+    """Return a `scipy.spatial.transform.Rotation` of quaternions (..., 4), scalar first here."""
+    from scipy.spatial.transform import Rotation
+
+    q = np.asarray(quat, np.float64)
+    return Rotation.from_quat(q[..., [1, 2, 3, 0]])
+
+
+def from_scipy(rotation: Rotation) -> Array:
+    """Return the quaternions (..., 4), scalar first and w >= 0, of a SciPy `Rotation`."""
+    return np.asarray(rotation.as_quat(canonical=True), np.float64)[..., [3, 0, 1, 2]]

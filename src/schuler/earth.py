@@ -1,0 +1,145 @@
+"""The Earth, vectorised: radii, normal gravity, Earth and transport rate; and `Site`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.constants import DEG, EARTH_RATE
+from schuler.errors import InputError
+
+__all__ = ["Site", "earth_rate", "gravity", "radii", "transport_rate"]
+
+Array = NDArray[np.float64]
+
+
+def _flat(*values: ArrayLike) -> tuple[tuple[int, ...], list[Array]]:
+    arrays = np.broadcast_arrays(*[np.asarray(v, np.float64) for v in values])
+    return arrays[0].shape, [np.ascontiguousarray(a).reshape(-1) for a in arrays]
+
+
+def radii(lat: ArrayLike) -> tuple[Array, Array]:
+    """Return the meridian and transverse radii of curvature of WGS-84.
+
+    Parameters
+    ----------
+    lat : (...) array_like
+        Geodetic latitude, rad.
+
+    Returns
+    -------
+    (...) ndarray, (...) ndarray
+        Meridian (north-south) and prime-vertical (east-west) radius, m.
+    """
+    from schuler.kernels.earth import radii_many
+
+    shape, (flat,) = _flat(lat)
+    out = np.empty((len(flat), 2))
+    radii_many(flat, out)
+    return out[:, 0].reshape(shape), out[:, 1].reshape(shape)
+
+
+def gravity(lat: ArrayLike, height: ArrayLike = 0.0) -> Array:
+    """Return normal gravity at latitude and height.
+
+    Parameters
+    ----------
+    lat, height : (...) array_like
+        Geodetic latitude (rad) and ellipsoidal height (m).
+
+    Returns
+    -------
+    (...) ndarray
+        m/s^2: Somigliana's closed form with the second-order series in height (NIMA
+        TR8350.2, 2000, equations 4-1 and 4-3).
+    """
+    from schuler.kernels.earth import gravity_many
+
+    shape, (la, h) = _flat(lat, height)
+    out = np.empty(len(la))
+    gravity_many(la, h, out)
+    return out.reshape(shape)
+
+
+def earth_rate(lat: ArrayLike) -> Array:
+    """Return the Earth's rotation rate in ENU, rad/s, shape (..., 3), for a latitude in rad."""
+    la = np.asarray(lat, np.float64)
+    return np.stack([np.zeros_like(la), EARTH_RATE * np.cos(la), EARTH_RATE * np.sin(la)], axis=-1)
+
+
+def transport_rate(lat: ArrayLike, height: ArrayLike, ve: ArrayLike, vn: ArrayLike) -> Array:
+    """Return the rate of ENU against the Earth for a moving vehicle.
+
+    Parameters
+    ----------
+    lat, height, ve, vn : (...) array_like
+        Latitude (rad), height (m), east and north velocity (m/s).
+
+    Returns
+    -------
+    (..., 3) ndarray
+        rad/s in ENU. Grows without bound towards the poles.
+    """
+    from schuler.kernels.earth import transport_rate_many
+
+    shape, (la, h, e, n) = _flat(lat, height, ve, vn)
+    out = np.empty((len(la), 3))
+    transport_rate_many(la, h, e, n, out)
+    return out.reshape((*shape, 3))
+
+
+@dataclass(frozen=True)
+class Site:
+    """A place on the Earth, given as people give it.
+
+    Parameters
+    ----------
+    lat, lon : float
+        Geodetic latitude in [-90, 90] and longitude in [-180, 360], degrees. An alignment does
+        not need the longitude.
+    height : float
+        Height above the ellipsoid, m.
+
+    Raises
+    ------
+    InputError
+        For a value out of range or not finite.
+    """
+
+    lat: float
+    lon: float = 0.0
+    height: float = 0.0
+
+    def __post_init__(self) -> None:
+        for label, value, low, high, unit in (
+            ("latitude", self.lat, -90.0, 90.0, "deg"),
+            ("longitude", self.lon, -180.0, 360.0, "deg"),
+            ("height", self.height, -12000.0, 100000.0, "m"),
+        ):
+            if not (math.isfinite(value) and low <= value <= high):
+                raise InputError(
+                    f"{label} must be between {low:g} and {high:g} {unit}, got {value:g}"
+                )
+
+    @property
+    def latitude(self) -> float:
+        """Latitude, rad."""
+        return self.lat * DEG
+
+    @property
+    def longitude(self) -> float:
+        """Longitude, rad."""
+        return self.lon * DEG
+
+    @property
+    def gravity(self) -> float:
+        """Normal gravity, m/s^2."""
+        return float(gravity(self.latitude, self.height))
+
+    @property
+    def earth_rate(self) -> Array:
+        """Earth rate in ENU, rad/s, (3,)."""
+        return earth_rate(self.latitude)

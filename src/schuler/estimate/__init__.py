@@ -1,0 +1,1 @@
+"""Mathematics with no IMU in it: vectors, information, variance components, consistency."""

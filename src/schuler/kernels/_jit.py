@@ -1,0 +1,58 @@
+"""The one decorator for kernels: Numba with a disk cache that cannot go stale.
+
+Numba's own cache looks only at the file that holds a function. A kernel that calls a helper in
+another file would keep the helper's old code. So the cache lives in a folder named by a hash of
+all kernel sources and of the constants that they freeze.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+from numba.core import config
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def _cache_folder() -> str:
+    here = Path(__file__).parent
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in [*sorted(here.glob("*.py")), here.parent / "constants.py"]:
+        digest.update(source.name.encode())
+        digest.update(source.read_bytes())
+    base = os.environ.get("SCHULER_CACHE_DIR") or os.path.join(
+        os.environ.get("XDG_CACHE_HOME")
+        or (
+            os.path.expanduser("~/Library/Caches")
+            if sys.platform == "darwin"
+            else os.path.expanduser("~/.cache")
+        ),
+        "schuler",
+    )
+    return os.path.join(base, f"kernels-{digest.hexdigest()[:16]}")
+
+
+CACHE_FOLDER = _cache_folder()
+
+
+def kernel(function: F) -> F:
+    """Compile a function with `numba.njit`, cached in schuler's own folder."""
+    before = config.CACHE_DIR
+    config.CACHE_DIR = CACHE_FOLDER
+    try:
+        compiled: F = numba.njit(cache=True, error_model="numpy")(function)
+    finally:
+        config.CACHE_DIR = before
+    return compiled
+
+
+def helper(function: F) -> F:
+    """Compile a small function that is only ever inlined into kernels."""
+    compiled: F = numba.njit(inline="never", error_model="numpy")(function)
+    return compiled

@@ -1,0 +1,204 @@
+"""Tracking the body from its start: attitude, velocity integral and running sums, in one pass.
+
+Integrates C_b^ib0 with coning and sculling correction, v = integral of C_b^ib0 f dt, and the
+sums over all updates that every inertial-frame estimator needs. Gravity enters through three
+functions of time that do not know the latitude,
+
+    b(t) = ( sin(wt)/w, (1 - cos(wt))/w, t ),
+
+so that G(t) = g diag(cosL, cosL, sinL) b(t) is its integral in i0, and one pass serves any
+latitude.
+
+Coning and sculling: one sample with the one before it, or two, three or four samples to an
+update, with the compressed coefficients of Miller (1983), Ignagni (1996) and Savage (1998).
+The velocity's rotation correction is exact for a constant rate, not cut after its first term.
+
+The first `ROW` numbers of the state are cumulative and have the layout of a node, a snapshot
+taken every so many updates. When the table of nodes is full every other one is dropped and the
+spacing doubles, so that memory is constant for any length and any chunking.
+
+===== ==========================================================
+0     time since the start, s
+1     updates
+2-5   q_b^ib0
+6-8   v, m/s
+9-11  sum of v
+12-14 sum of b
+15-23 sum of b v^T, by rows
+24-29 sum of b b^T: xx xy xz yy yz zz
+30-32 sum of dtheta (body axes), 33-35 sum of dvel
+36    sum of |w|, 37 sum of |w|^2, 38 sum of |f|, 39 sum of |f|^2
+40    time of the start, 41 samples
+42-44 dtheta before, 45-47 dvel before
+48    samples waiting, 49-72 the waiting samples
+73    nodes, 74 updates to a node, 75 updates since the last node
+===== ==========================================================
+"""
+
+from __future__ import annotations
+
+import math
+
+from schuler.constants import EARTH_RATE
+from schuler.kernels._jit import helper, kernel
+from schuler.kernels.quat import qexp, qmul, qrotate, rotation_averages
+from schuler.kernels.vec import Vec, add, axpy, cross
+
+ROW = 40
+STATE_SIZE = 80
+NODE_CAPACITY = 4097
+"""Odd, so that dropping every other node keeps the first and the last."""
+
+
+@helper
+def gravity_basis(t: float) -> Vec:
+    """Return b(t); 1 - cos is taken as 2 sin^2(half) to keep its digits."""
+    a = EARTH_RATE * t
+    s = math.sin(0.5 * a)
+    return math.sin(a) / EARTH_RATE, 2.0 * s * s / EARTH_RATE, t
+
+
+@helper
+def _sample(p, k) -> tuple[Vec, Vec]:
+    i = 49 + 6 * k
+    return (p[i], p[i + 1], p[i + 2]), (p[i + 3], p[i + 4], p[i + 5])
+
+
+@helper
+def _combine(state, n_sub: int) -> tuple[Vec, Vec, Vec, Vec]:
+    """Return angle, velocity, coning and sculling of the waiting samples."""
+    last_a, last_v = _sample(state, n_sub - 1)
+    if n_sub == 1:
+        ca = (state[42], state[43], state[44])
+        cv = (state[45], state[46], state[47])
+        k = 1.0 / 12.0
+        ca = (k * ca[0], k * ca[1], k * ca[2])
+        cv = (k * cv[0], k * cv[1], k * cv[2])
+        return last_a, last_v, cross(ca, last_a), add(cross(ca, last_v), cross(cv, last_a))
+    a0, v0 = _sample(state, 0)
+    ta, tv = add(a0, last_a), add(v0, last_v)
+    zero = (0.0, 0.0, 0.0)
+    if n_sub == 2:
+        ca, cv = axpy(2.0 / 3.0, a0, zero), axpy(2.0 / 3.0, v0, zero)
+    else:
+        a1, v1 = _sample(state, 1)
+        ta, tv = add(ta, a1), add(tv, v1)
+        if n_sub == 3:
+            ca = axpy(9.0 / 20.0, a0, axpy(27.0 / 20.0, a1, zero))
+            cv = axpy(9.0 / 20.0, v0, axpy(27.0 / 20.0, v1, zero))
+        else:
+            a2, v2 = _sample(state, 2)
+            ta, tv = add(ta, a2), add(tv, v2)
+            k0, k1, k2 = 54.0 / 105.0, 92.0 / 105.0, 214.0 / 105.0
+            ca = axpy(k0, a0, axpy(k1, a1, axpy(k2, a2, zero)))
+            cv = axpy(k0, v0, axpy(k1, v1, axpy(k2, v2, zero)))
+    return ta, tv, cross(ca, last_a), add(cross(ca, last_v), cross(cv, last_a))
+
+
+@kernel
+def track(state, nodes, n_sub, coning, sculling, time, dt, dtheta, dvel):
+    """Feed a chunk of samples.
+
+    Parameters
+    ----------
+    state : (STATE_SIZE,) float64
+        Zero but for q = (1, 0, 0, 0), and entry 74 = 1, at the start.
+    nodes : (NODE_CAPACITY, ROW) float64
+        Snapshots; row 0 is the start.
+    n_sub : int
+        Samples to an update, 1 to 4 (1 uses the sample before as well).
+    coning, sculling : float
+        1 to correct, 0 where the instrument has done it.
+    time, dt, dtheta, dvel : (n,), (n,), (n, 3), (n, 3) float64
+        The samples, as in `ImuRecord`.
+    """
+    if state[41] == 0.0 and time.shape[0] > 0:
+        state[40] = time[0] - dt[0]
+        state[73] = 1.0
+        nodes[0, :ROW] = state[:ROW]
+    s = state
+    for i in range(time.shape[0]):
+        gx, gy, gz = dtheta[i, 0], dtheta[i, 1], dtheta[i, 2]
+        ax, ay, az = dvel[i, 0], dvel[i, 1], dvel[i, 2]
+        s[41] += 1.0
+        s[30] += gx
+        s[31] += gy
+        s[32] += gz
+        s[33] += ax
+        s[34] += ay
+        s[35] += az
+        r = 1.0 / dt[i]
+        w2 = (gx * gx + gy * gy + gz * gz) * r * r
+        f2 = (ax * ax + ay * ay + az * az) * r * r
+        s[36] += math.sqrt(w2)
+        s[37] += w2
+        s[38] += math.sqrt(f2)
+        s[39] += f2
+
+        k = int(s[48])
+        j = 49 + 6 * k
+        s[j], s[j + 1], s[j + 2] = gx, gy, gz
+        s[j + 3], s[j + 4], s[j + 5] = ax, ay, az
+        if k + 1 < n_sub:
+            s[48] = k + 1.0
+            continue
+        s[48] = 0.0
+
+        # The samples of this update: total angle and velocity, coning and sculling parts.
+        ta, tv, con, scu = _combine(s, n_sub)
+        u = tv
+        if sculling != 0.0:
+            c1, c2 = rotation_averages(ta[0] * ta[0] + ta[1] * ta[1] + ta[2] * ta[2])
+            x1 = cross(ta, tv)
+            u = add(axpy(c1, x1, axpy(c2, cross(ta, x1), tv)), scu)
+        q = (s[2], s[3], s[4], s[5])
+        dv = qrotate(q, u)
+        q = qmul(q, qexp(axpy(coning, con, ta)))
+        # One Newton step keeps the length at 1 to rounding.
+        m = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+        s[2], s[3], s[4], s[5] = m * q[0], m * q[1], m * q[2], m * q[3]
+        v0, v1, v2 = s[6] + dv[0], s[7] + dv[1], s[8] + dv[2]
+        s[6], s[7], s[8] = v0, v1, v2
+        s[42], s[43], s[44] = gx, gy, gz
+        s[45], s[46], s[47] = ax, ay, az
+
+        t = time[i] - s[40]
+        b0, b1, b2 = gravity_basis(t)
+        s[0] = t
+        s[1] += 1.0
+        s[9] += v0
+        s[10] += v1
+        s[11] += v2
+        s[12] += b0
+        s[13] += b1
+        s[14] += b2
+        s[15] += b0 * v0
+        s[16] += b0 * v1
+        s[17] += b0 * v2
+        s[18] += b1 * v0
+        s[19] += b1 * v1
+        s[20] += b1 * v2
+        s[21] += b2 * v0
+        s[22] += b2 * v1
+        s[23] += b2 * v2
+        s[24] += b0 * b0
+        s[25] += b0 * b1
+        s[26] += b0 * b2
+        s[27] += b1 * b1
+        s[28] += b1 * b2
+        s[29] += b2 * b2
+
+        s[75] += 1.0
+        if s[75] >= s[74]:
+            s[75] = 0.0
+            n = int(s[73])
+            for c in range(ROW):
+                nodes[n, c] = s[c]
+            n += 1
+            if n == nodes.shape[0]:
+                for h in range(1, n // 2 + 1):
+                    for c in range(ROW):
+                        nodes[h, c] = nodes[2 * h, c]
+                n = n // 2 + 1
+                s[74] *= 2.0
+            s[73] = n

@@ -1,0 +1,9 @@
+"""The record: what every reader makes and every method takes."""
+
+from __future__ import annotations
+
+from schuler.record.imu import ImuRecord
+from schuler.record.intake import Intake
+from schuler.record.quality import Quality
+
+__all__ = ["ImuRecord", "Intake", "Quality"]

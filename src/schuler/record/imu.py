@@ -1,0 +1,235 @@
+"""`ImuRecord`: increments of angle and velocity over intervals, in body axes (RFU), SI."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.errors import InputError
+
+if TYPE_CHECKING:
+    from schuler.record.quality import Quality
+
+__all__ = ["ImuRecord"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ImuRecord:
+    """A stretch of IMU samples; each is an increment over ``(time - dt, time]``.
+
+    Parameters
+    ----------
+    time : (n,) float64
+        End of each sample's interval, s, strictly increasing.
+    dt : (n,) float64
+        Length of each interval, s, positive.
+    dtheta : (n, m) float64
+        Angle increments, rad: plain integrals of body rate, or rotation vectors where
+        `coning_corrected` says so. m is 3 but for redundant arrays.
+    dvel : (n, k) float64
+        Velocity increments, m/s: plain integrals of specific force in moving body axes, or
+        resolved at the interval's start where `sculling_corrected` says so.
+    coning_corrected, sculling_corrected : bool
+        What the instrument has already done inside each interval.
+    name : str
+        Where the record came from.
+    quality : Quality or None
+        What was found at the door; None for records made in memory.
+
+    Notes
+    -----
+    Body axes are x right, y forward, z up (`schuler` docstring). Rates, units and other axes
+    are converted once, by the readers or by `from_rates`, `from_mean_rates` and
+    `from_increments`.
+    """
+
+    time: Array
+    dt: Array
+    dtheta: Array
+    dvel: Array
+    coning_corrected: bool = False
+    sculling_corrected: bool = False
+    name: str = "record"
+    quality: Quality | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        n = len(self.time)
+        for label, array, ndim in (
+            ("time", self.time, 1), ("dt", self.dt, 1),
+            ("dtheta", self.dtheta, 2), ("dvel", self.dvel, 2),
+        ):  # fmt: skip
+            if array.ndim != ndim or len(array) != n:
+                raise InputError(
+                    f"ImuRecord: expected {label} with {ndim} dimension(s) and {n} rows, "
+                    f"got shape {array.shape}"
+                )
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    # -- making ------------------------------------------------------------------------
+
+    @classmethod
+    def from_rates(
+        cls, time: ArrayLike, gyro: ArrayLike, accel: ArrayLike, **options: object
+    ) -> ImuRecord:
+        """Make a record from instantaneous rates sampled at `time`.
+
+        Integrates by the three-point Adams-Moulton formula on an even grid and by the
+        trapezoid elsewhere. The first row only opens the first interval, so the record has
+        one sample less than there are rows.
+
+        Parameters
+        ----------
+        time : (n,) array_like
+            s.
+        gyro, accel : (n, 3) array_like
+            rad/s and m/s^2 in body axes (RFU).
+        **options
+            `name`, `max_gap` as in `Intake`.
+
+        Raises
+        ------
+        InputError
+            For fewer than two rows, backward or repeated time, or a gap too long to bridge.
+        """
+        return cls._build("rates", time, gyro, accel, options)
+
+    @classmethod
+    def from_mean_rates(
+        cls, time: ArrayLike, gyro: ArrayLike, accel: ArrayLike, **options: object
+    ) -> ImuRecord:
+        """Make a record from rates averaged over the interval that ends at each row's time.
+
+        Rate times interval is the increment, exactly. The first interval is taken as the
+        nominal one. Parameters and errors as in `from_rates`.
+        """
+        return cls._build("mean-rates", time, gyro, accel, options)
+
+    @classmethod
+    def from_increments(
+        cls, time: ArrayLike, dtheta: ArrayLike, dvel: ArrayLike, **options: object
+    ) -> ImuRecord:
+        """Make a record from increments (rad, m/s): plain integrals unless told otherwise.
+
+        Parameters and errors as in `from_rates`; `coning_corrected` and `sculling_corrected`
+        say what the instrument has already compensated.
+        """
+        return cls._build("increments", time, dtheta, dvel, options)
+
+    @classmethod
+    def _build(
+        cls,
+        kind: str,
+        time: ArrayLike,
+        gyro: ArrayLike,
+        accel: ArrayLike,
+        options: dict[str, object],
+    ) -> ImuRecord:
+        from schuler.record.intake import Intake
+
+        intake = Intake(kind, **options)  # type: ignore[arg-type]
+        t = np.asarray(time, dtype=np.float64)
+        x = np.column_stack([np.asarray(gyro, np.float64), np.asarray(accel, np.float64)])
+        parts = [intake.push(t, x), intake.close()]
+        return cls.concatenate([p for p in parts if len(p)], quality=intake.quality())
+
+    @classmethod
+    def concatenate(cls, parts: list[ImuRecord], quality: Quality | None = None) -> ImuRecord:
+        """Join consecutive chunks into one record.
+
+        Raises
+        ------
+        InputError
+            If there is nothing to join.
+        """
+        if not parts:
+            raise InputError("the record has no samples")
+        first = parts[0]
+        if len(parts) == 1:
+            return replace(first, quality=quality or first.quality)
+        return replace(
+            first,
+            time=np.concatenate([p.time for p in parts]),
+            dt=np.concatenate([p.dt for p in parts]),
+            dtheta=np.concatenate([p.dtheta for p in parts]),
+            dvel=np.concatenate([p.dvel for p in parts]),
+            quality=quality or first.quality,
+        )
+
+    # -- looking -----------------------------------------------------------------------
+
+    @property
+    def start(self) -> float:
+        """Start of the first interval, s."""
+        return float(self.time[0] - self.dt[0])
+
+    @property
+    def end(self) -> float:
+        """End of the last interval, s."""
+        return float(self.time[-1])
+
+    @property
+    def duration(self) -> float:
+        """Length of the record, s."""
+        return self.end - self.start
+
+    @property
+    def rate(self) -> float:
+        """Samples a second, from the median interval, Hz."""
+        return 1.0 / float(np.median(self.dt))
+
+    @property
+    def gyro(self) -> Array:
+        """Mean angular rate over each interval, rad/s, (n, m)."""
+        return self.dtheta / self.dt[:, None]
+
+    @property
+    def accel(self) -> Array:
+        """Mean specific force over each interval, m/s^2, (n, k)."""
+        return self.dvel / self.dt[:, None]
+
+    def __repr__(self) -> str:
+        if not len(self):
+            return f"ImuRecord({self.name!r}, empty)"
+        return (
+            f"ImuRecord({self.name!r}, {len(self)} samples, {self.start:.3f} to {self.end:.3f} s, "
+            f"{self.rate:.6g} Hz)"
+        )
+
+    # -- cutting -----------------------------------------------------------------------
+
+    def rows(self, start: int, stop: int) -> ImuRecord:
+        """Return samples start to stop (as a Python slice) as a record; no copy."""
+        s = slice(start, stop)
+        return replace(
+            self, time=self.time[s], dt=self.dt[s], dtheta=self.dtheta[s], dvel=self.dvel[s]
+        )
+
+    def between(self, start: float | None = None, stop: float | None = None) -> ImuRecord:
+        """Return the samples whose interval lies in (start, stop], in the record's own time.
+
+        A sample belongs to the stretch in which its interval's middle lies, so that
+        consecutive stretches share no sample and lose none.
+        """
+        middle = self.time - 0.5 * self.dt
+        a = 0 if start is None else int(np.searchsorted(middle, start, side="right"))
+        b = len(self) if stop is None else int(np.searchsorted(middle, stop, side="right"))
+        return self.rows(a, b)
+
+    def after(self, time: float) -> ImuRecord:
+        """Return the samples after a time."""
+        return self.between(start=time)
+
+    def chunks(self, size: int = 65536) -> Iterator[ImuRecord]:
+        """Yield the record in pieces of at most `size` samples."""
+        if size < 1:
+            raise InputError(f"chunk size must be at least 1, got {size}")
+        for i in range(0, len(self), size):
+            yield self.rows(i, i + size)

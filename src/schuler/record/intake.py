@@ -1,0 +1,197 @@
+"""`Intake`: rows in SI and body axes become checked increments, chunk by chunk."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.errors import InputError
+from schuler.record.imu import ImuRecord
+from schuler.record.quality import Quality
+
+__all__ = ["KINDS", "Intake"]
+
+Array = NDArray[np.float64]
+
+#: what a row's values are
+KINDS = ("rates", "mean-rates", "increments")
+
+#: rows that are looked at to find the nominal interval; fixed, so that chunking cannot matter
+_WARM_UP = 256
+
+
+class Intake:
+    """Turn rows of time and six values into `ImuRecord` chunks, checking each row.
+
+    Rows with a value that is not finite are dropped and counted, exact repetitions likewise;
+    short gaps are bridged by holding the rate; backward time, a time given twice with
+    different values, and long gaps are errors. Any chunking gives bit-identical results.
+
+    Parameters
+    ----------
+    kind : {"rates", "mean-rates", "increments"}
+        Instantaneous rates at the row's time; rates averaged over the interval that ends at
+        the row's time; or increments over that interval.
+    rate : float, optional
+        Nominal rate, Hz; found from the first rows when not given.
+    max_gap : float, optional
+        Longest interval that is bridged, s; six and a half nominal intervals when not given.
+    coning_corrected, sculling_corrected : bool
+        See `ImuRecord`.
+    name : str
+        Name of the record.
+
+    Raises
+    ------
+    InputError
+        From the constructor for a bad option; from `push` and `close` for bad rows, naming
+        the data row (counted from 1) and its time.
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        *,
+        rate: float | None = None,
+        max_gap: float | None = None,
+        coning_corrected: bool = False,
+        sculling_corrected: bool = False,
+        name: str = "record",
+    ) -> None:
+        from schuler.kernels import intake as k
+
+        if kind not in KINDS:
+            raise InputError(f"kind must be one of {', '.join(KINDS)}, got '{kind}'")
+        if rate is not None and not (np.isfinite(rate) and rate > 0):
+            raise InputError(f"the rate must be a positive number of Hz, got {rate}")
+        if max_gap is not None and not (np.isfinite(max_gap) and max_gap > 0):
+            raise InputError(f"the longest gap must be a positive time, got {max_gap}")
+        self._k = k
+        self._code = KINDS.index(kind)
+        self.kind = kind
+        self._nominal = None if rate is None else 1.0 / rate
+        self._max_gap = max_gap
+        self._flags = {
+            "coning_corrected": coning_corrected,
+            "sculling_corrected": sculling_corrected,
+            "name": name,
+        }
+        self._state = np.zeros(k.STATE_SIZE)
+        self._waiting: list[tuple[Array, Array]] = []
+        self._waiting_rows = 0
+
+    def push(self, time: Array, values: Array) -> ImuRecord:
+        """Take rows and return the samples that they complete (possibly none).
+
+        Parameters
+        ----------
+        time : (n,) float64
+            s.
+        values : (n, 6) float64
+            Gyro then accelerometer, SI, body axes (RFU).
+        """
+        time = np.ascontiguousarray(time, np.float64)
+        values = np.ascontiguousarray(values, np.float64)
+        if values.shape != (len(time), 6):
+            raise InputError(
+                f"expected {len(time)} rows of 6 values, got an array of shape {values.shape}"
+            )
+        if self._nominal is None:
+            self._waiting.append((time, values))
+            self._waiting_rows += len(time)
+            if self._waiting_rows < _WARM_UP:
+                return self._empty()
+            time, values = self._open()
+        return self._run(time, values)
+
+    def close(self) -> ImuRecord:
+        """Return what is still waiting; call once, at the end of the input."""
+        if self._nominal is not None:
+            return self._empty()
+        time, values = self._open()
+        return self._run(time, values)
+
+    def quality(self) -> Quality:
+        """Return what has been found so far."""
+        return Quality.from_state(self._state, self._nominal or 0.0, self.kind)
+
+    # ------------------------------------------------------------------------------
+
+    def _open(self) -> tuple[Array, Array]:
+        if not self._waiting:
+            raise InputError("the record is empty: no data rows were found")
+        time = np.concatenate([t for t, _ in self._waiting])
+        values = np.concatenate([v for _, v in self._waiting])
+        self._waiting = []
+        steps = np.diff(time[:_WARM_UP])
+        steps = steps[np.isfinite(steps) & (steps > 0)]
+        if len(time) < 2:
+            raise InputError(
+                "the record has only one data row: at least two are needed to know its rate"
+            )
+        if not len(steps):
+            raise InputError(
+                f"time does not advance in the first {min(len(time), _WARM_UP)} data rows "
+                f"(t = {time[0]:.6g} s): is this the time column?"
+            )
+        self._nominal = float(np.median(steps))
+        return time, values
+
+    def _run(self, time: Array, values: Array) -> ImuRecord:
+        n = len(time)
+        nominal = self._nominal
+        assert nominal is not None
+        max_gap = self._max_gap if self._max_gap is not None else 6.5 * nominal
+        out_t, out_dt, out = np.empty(n), np.empty(n), np.empty((n, 6))
+        base = int(self._state[0])
+        last = float(self._state[3])
+        m, code, row = self._k.intake(
+            self._state, self._code, nominal, max_gap, time, values, out_t, out_dt, out
+        )
+        if code != self._k.OK:
+            before = time[row - 1] if row > 0 else last
+            self._fail(code, base + row + 1, float(time[row]), float(before), values[row], max_gap)
+        return ImuRecord(
+            out_t[:m],
+            out_dt[:m],
+            out[:m, :3],
+            out[:m, 3:],
+            **self._flags,  # type: ignore[arg-type]
+        )
+
+    def _fail(
+        self, code: int, row: int, t: float, before: float, values: Array, max_gap: float
+    ) -> None:
+        k = self._k
+        if code == k.BAD_TIME:
+            raise InputError(
+                f"data row {row}: the time is not a finite number; remove the row or name the "
+                "right time column"
+            )
+        where = f"data row {row} (t = {t:.9g} s)"
+        last = float(self._state[3])
+        if code == k.BACKWARD:
+            raise InputError(
+                f"{where}: time goes backward, from {last:.9g} s; sort the rows, or cut the "
+                "record there with --stop"
+            )
+        if code == k.REPEATED:
+            raise InputError(
+                f"{where}: the time of the row before is repeated with other values; "
+                "remove one of the rows, or check the time column's resolution"
+            )
+        raise InputError(
+            f"{where}: a gap of {t - last:.6g} s since t = {last:.9g} s is longer than the "
+            f"{max_gap:.4g} s that can be bridged; align before or after it (--start, --stop), "
+            "or allow it with --max-gap"
+        )
+
+    def _empty(self) -> ImuRecord:
+        none = np.empty(0)
+        return ImuRecord(
+            none,
+            none,
+            np.empty((0, 3)),
+            np.empty((0, 3)),
+            **self._flags,  # type: ignore[arg-type]
+        )

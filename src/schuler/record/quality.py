@@ -1,0 +1,113 @@
+"""What was found at the door: missing rows, gaps, jitter, saturation, stuck channels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["CHANNELS", "Quality"]
+
+CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Counts and extremes of the rows that went through an `Intake`.
+
+    All times in s, rates in Hz, values in SI as they came (rates or increments).
+    """
+
+    rows: int
+    valid_rows: int
+    nominal_dt: float
+    jitter_rms: float
+    shortest_dt: float
+    longest_dt: float
+    not_finite: int
+    first_not_finite: str
+    repeated: int
+    gaps: int
+    longest_gap: float
+    first_gap_time: float
+    saturated: tuple[str, ...]
+    stuck: tuple[str, ...]
+    mean: tuple[float, ...]
+    std: tuple[float, ...]
+    mean_norm_gyro: float
+    mean_norm_accel: float
+
+    @classmethod
+    def from_state(cls, state: NDArray[np.float64], nominal: float, kind: str) -> Quality:
+        """Read an intake kernel's state (`schuler.kernels.intake`)."""
+        s = state
+        n = int(s[72])
+        safe = max(n, 1)
+        mean = s[60:66] / safe
+        std = np.sqrt(np.maximum(s[66:72] / safe - mean**2, 0.0))
+        regular = int(s[23])
+        jitter = 0.0
+        if regular > 1:
+            m = s[21] / regular
+            jitter = float(np.sqrt(max(s[22] / regular - m * m, 0.0)))
+            # Rounded time stamps of a perfect clock differ by a few ulps: no jitter.
+            jitter = 0.0 if jitter < 1e-7 * m else jitter
+        saturated, stuck = [], []
+        for j, label in enumerate(CHANNELS):
+            if n >= 10 and s[54 + j] >= n:
+                stuck.append(f"{label} is {mean[j]:.6g} in every row")
+            elif s[42 + j] >= 5 and s[30 + j] > abs(mean[j]) + 2.0 * std[j] and s[48 + j] >= 5:
+                stuck_rows = int(s[48 + j])
+                saturated.append(
+                    f"{label} stays at its extreme {s[30 + j]:.6g} for {int(s[42 + j])} rows "
+                    f"running ({stuck_rows} rows in all)"
+                )
+        where = ""
+        if s[17] > 0:
+            where = f"data row {int(s[26])} (t = {s[28]:.6g} s), {CHANNELS[int(s[27])]}"
+        return cls(
+            rows=int(s[0]),
+            valid_rows=n,
+            nominal_dt=nominal,
+            jitter_rms=jitter,
+            shortest_dt=float(s[73]),
+            longest_dt=float(s[74]),
+            not_finite=int(s[17]),
+            first_not_finite=where,
+            repeated=int(s[18]),
+            gaps=int(s[19]),
+            longest_gap=float(s[20]),
+            first_gap_time=float(s[24]),
+            saturated=tuple(saturated),
+            stuck=tuple(stuck),
+            mean=tuple(float(v) for v in mean),
+            std=tuple(float(v) for v in std),
+            mean_norm_gyro=float(s[76]) / safe,
+            mean_norm_accel=float(s[77]) / safe,
+        )
+
+    def warnings(self) -> list[str]:
+        """Say in plain sentences what a user should know before trusting the record."""
+        found = []
+        if self.not_finite:
+            found.append(
+                f"{self.not_finite} row(s) with a value that is not a number were dropped, "
+                f"the first at {self.first_not_finite}"
+            )
+        if self.repeated:
+            found.append(f"{self.repeated} row(s) that repeat the row before them were dropped")
+        if self.gaps:
+            found.append(
+                f"{self.gaps} gap(s) bridged by holding the rate, the first after "
+                f"t = {self.first_gap_time:.6g} s, the longest {self.longest_gap:.4g} s"
+            )
+        if self.jitter_rms > 0.05 * self.nominal_dt:
+            found.append(
+                f"the time stamps jitter by {self.jitter_rms * 1e3:.3g} ms rms around "
+                f"{self.nominal_dt * 1e3:.6g} ms; if the instrument's clock is steady, give its "
+                "rate instead of the time column"
+            )
+        found += [f"{text}: saturated?" for text in self.saturated]
+        found += [f"{text}: is the channel connected?" for text in self.stuck]
+        return found

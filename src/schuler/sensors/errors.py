@@ -1,0 +1,253 @@
+"""`ImuSpec`: an instrument's errors by type, in SI, from TOML with units or by grade.
+
+Noise types and their symbols are those of IEEE Std 952-1997, annex C. For a rate sensor with
+angle random walk N, bias instability B, rate random walk K and quantisation Q the Allan variance
+at tau is N^2/tau + (2 ln2/pi) B^2 + K^2 tau/3 + 3 Q^2/tau^2.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from schuler.errors import InputError
+from schuler.units import parse, to_unit
+
+__all__ = ["GRADES", "AccelerometerSpec", "GyroSpec", "ImuSpec", "load_spec"]
+
+
+@dataclass(frozen=True)
+class GyroSpec:
+    """Errors of each gyro axis, 1-sigma, SI.
+
+    Parameters
+    ----------
+    bias : float
+        Turn-on bias, rad/s.
+    angle_random_walk : float
+        N, rad/sqrt(s).
+    quantisation : float
+        Q, rad: the standard deviation of the angle's rounding, the step over sqrt(12).
+    bias_instability : float
+        B, rad/s: the coefficient, of which the Allan deviation's floor is 0.664.
+    rate_random_walk : float
+        K, rad/s/sqrt(s).
+    """
+
+    bias: float = 0.0
+    angle_random_walk: float = 0.0
+    quantisation: float = 0.0
+    bias_instability: float = 0.0
+    rate_random_walk: float = 0.0
+
+    @property
+    def white(self) -> float:
+        """White noise of the rate, rad/sqrt(s)."""
+        return self.angle_random_walk
+
+    @property
+    def drift(self) -> float:
+        """Random walk of the rate, rad/s/sqrt(s)."""
+        return self.rate_random_walk
+
+
+@dataclass(frozen=True)
+class AccelerometerSpec:
+    """Errors of each accelerometer axis, 1-sigma, SI.
+
+    Parameters
+    ----------
+    bias : float
+        Turn-on bias, m/s^2.
+    velocity_random_walk : float
+        N, m/s/sqrt(s).
+    quantisation : float
+        Q, m/s.
+    bias_instability : float
+        B, m/s^2.
+    acceleration_random_walk : float
+        K, m/s^2/sqrt(s).
+    """
+
+    bias: float = 0.0
+    velocity_random_walk: float = 0.0
+    quantisation: float = 0.0
+    bias_instability: float = 0.0
+    acceleration_random_walk: float = 0.0
+
+    @property
+    def white(self) -> float:
+        """White noise of the specific force, m/s/sqrt(s)."""
+        return self.velocity_random_walk
+
+    @property
+    def drift(self) -> float:
+        """Random walk of the specific force, m/s^2/sqrt(s)."""
+        return self.acceleration_random_walk
+
+
+#: key -> (dimension, unit in which people speak of it)
+_GYRO_KEYS = {
+    "bias": ("angular rate", "deg/h"),
+    "angle_random_walk": ("angle random walk", "deg/sqrt(h)"),
+    "quantisation": ("angle", "arcsec"),
+    "bias_instability": ("angular rate", "deg/h"),
+    "rate_random_walk": ("rate random walk", "deg/h/sqrt(h)"),
+}
+_ACCEL_KEYS = {
+    "bias": ("acceleration", "ug"),
+    "velocity_random_walk": ("velocity random walk", "ug/sqrt(Hz)"),
+    "quantisation": ("velocity", "mm/s"),
+    "bias_instability": ("acceleration", "ug"),
+    "acceleration_random_walk": ("acceleration random walk", "ug/sqrt(h)"),
+}
+
+
+@dataclass(frozen=True)
+class ImuSpec:
+    """An instrument: its gyros, its accelerometers, its name and where the numbers come from."""
+
+    gyro: GyroSpec
+    accelerometer: AccelerometerSpec
+    name: str = "custom"
+    source: str = ""
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any], name: str = "custom") -> ImuSpec:
+        """Make a spec from ``{"gyro": {"bias": "0.01 deg/h", ...}, "accelerometer": {...}}``.
+
+        Raises
+        ------
+        InputError
+            For an unknown key, a value without a unit or of another dimension, a negative
+            value, or a missing section.
+        """
+        extra = set(data) - {"gyro", "accelerometer", "name", "source"}
+        if extra:
+            raise InputError(
+                f"instrument specification: unknown key '{sorted(extra)[0]}'; "
+                "known: name, source, [gyro], [accelerometer]"
+            )
+        parts = []
+        for section, keys in (("gyro", _GYRO_KEYS), ("accelerometer", _ACCEL_KEYS)):
+            table = data.get(section)
+            if not isinstance(table, dict):
+                raise InputError(f"instrument specification: the section [{section}] is missing")
+            values = {}
+            for key, text in table.items():
+                if key not in keys:
+                    raise InputError(
+                        f"instrument specification: unknown key '{section}.{key}'; "
+                        f"known: {', '.join(keys)}"
+                    )
+                value = parse(text, keys[key][0], f"{section}.{key}")
+                if value < 0:
+                    raise InputError(
+                        f"instrument specification: {section}.{key} = '{text}' is negative; "
+                        "give a 1-sigma magnitude"
+                    )
+                values[key] = value
+            parts.append(values)
+        return cls(
+            GyroSpec(**parts[0]),
+            AccelerometerSpec(**parts[1]),
+            name=str(data.get("name", name)),
+            source=str(data.get("source", "")),
+        )
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> ImuSpec:
+        """Read a spec from a TOML file with unit-bearing strings.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read, is not TOML, or holds a bad value.
+        """
+        path = Path(path)
+        try:
+            data = tomllib.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise InputError(f"{path}: is not valid TOML ({error})") from None
+        try:
+            return cls.from_dict(data, name=path.stem)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+
+    def describe(self) -> dict[str, dict[str, str]]:
+        """Return the spec in the units that people speak, as `from_dict` would take it."""
+        out: dict[str, dict[str, str]] = {}
+        for section, part, keys in (
+            ("gyro", self.gyro, _GYRO_KEYS),
+            ("accelerometer", self.accelerometer, _ACCEL_KEYS),
+        ):
+            out[section] = {
+                f.name: f"{to_unit(getattr(part, f.name), keys[f.name][1]):.4g} {keys[f.name][1]}"
+                for f in fields(part)
+                if getattr(part, f.name) > 0
+            }
+        return out
+
+
+_GRADES: dict[str, dict[str, Any]] = {
+    "navigation-rlg": {
+        "source": (
+            "gyro: Honeywell GG1320AN product sheet (bias 0.0035 deg/h, 0.0035 deg/sqrt(h)); "
+            "accelerometer: Groves (2013), table 4.1, aviation grade, rounded up to 50 ug"
+        ),
+        "gyro": {"bias": "0.0035 deg/h", "angle_random_walk": "0.0035 deg/sqrt(h)"},
+        "accelerometer": {"bias": "50 ug", "velocity_random_walk": "20 ug/sqrt(Hz)"},
+    },
+    "navigation-fog": {
+        "source": "typical 1 nmi/h fibre-optic unit; Groves (2013), tables 4.1-4.3, aviation grade",
+        "gyro": {"bias": "0.01 deg/h", "angle_random_walk": "0.003 deg/sqrt(h)"},
+        "accelerometer": {"bias": "50 ug", "velocity_random_walk": "20 ug/sqrt(Hz)"},
+    },
+    "tactical-fog": {
+        "source": "Northrop Grumman LN-200 product sheet (1 deg/h, 0.07 deg/sqrt(h), 300 ug)",
+        "gyro": {"bias": "1 deg/h", "angle_random_walk": "0.07 deg/sqrt(h)"},
+        "accelerometer": {"bias": "300 ug", "velocity_random_walk": "50 ug/sqrt(Hz)"},
+    },
+    "industrial-mems": {
+        "source": "Analog Devices ADIS16488A data sheet, typical values",
+        "gyro": {
+            "bias": "720 deg/h",
+            "angle_random_walk": "0.26 deg/sqrt(h)",
+            "bias_instability": "5.1 deg/h",
+        },
+        "accelerometer": {
+            "bias": "16 mg",
+            "velocity_random_walk": "0.029 m/s/sqrt(h)",
+            "bias_instability": "70 ug",
+        },
+    },
+}
+
+#: named grades, 1-sigma figures with their sources
+GRADES: dict[str, ImuSpec] = {
+    name: ImuSpec.from_dict(table, name) for name, table in _GRADES.items()
+}
+
+
+def load_spec(spec: str | Path | ImuSpec | None) -> ImuSpec | None:
+    """Return a spec from a grade's name, a TOML file, or pass one through.
+
+    Raises
+    ------
+    InputError
+        If it is neither a known grade nor a readable file.
+    """
+    if spec is None or isinstance(spec, ImuSpec):
+        return spec
+    text = str(spec)
+    if text in GRADES:
+        return GRADES[text]
+    if text.endswith(".toml") or Path(text).exists():
+        return ImuSpec.from_toml(text)
+    raise InputError(
+        f"'{text}' is neither a grade ({', '.join(GRADES)}) nor a TOML file with a specification"
+    )

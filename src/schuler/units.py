@@ -1,0 +1,206 @@
+"""The field's units by a small closed table: ``"0.01 deg/h"`` to SI and back.
+
+The table is closed on purpose: an unknown unit is an error that lists the known ones, never a
+guess. It is tested against Pint. ``g`` is the standard gravity 9.80665 m/s^2.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+from schuler.constants import ARCMIN, ARCSEC, DEG, STANDARD_GRAVITY
+from schuler.errors import InputError
+
+__all__ = ["UNITS", "convert", "dimension_of", "parse", "parse_factor", "to_unit"]
+
+_H = 3600.0
+_SQRT_H = 60.0
+_UG = 1e-6 * STANDARD_GRAVITY
+_MG = 1e-3 * STANDARD_GRAVITY
+
+#: unit -> (factor to SI, dimension)
+UNITS: dict[str, tuple[float, str]] = {
+    "s": (1.0, "time"),
+    "ms": (1e-3, "time"),
+    "us": (1e-6, "time"),
+    "ns": (1e-9, "time"),
+    "min": (60.0, "time"),
+    "h": (_H, "time"),
+    "Hz": (1.0, "frequency"),
+    "kHz": (1e3, "frequency"),
+    "m": (1.0, "length"),
+    "mm": (1e-3, "length"),
+    "km": (1e3, "length"),
+    "rad": (1.0, "angle"),
+    "mrad": (1e-3, "angle"),
+    "urad": (1e-6, "angle"),
+    "deg": (DEG, "angle"),
+    "arcmin": (ARCMIN, "angle"),
+    "arcsec": (ARCSEC, "angle"),
+    "rad/s": (1.0, "angular rate"),
+    "mrad/s": (1e-3, "angular rate"),
+    "deg/s": (DEG, "angular rate"),
+    "deg/h": (DEG / _H, "angular rate"),
+    "rad/h": (1.0 / _H, "angular rate"),
+    "arcsec/s": (ARCSEC, "angular rate"),
+    "rad/sqrt(s)": (1.0, "angle random walk"),
+    "rad/s/sqrt(Hz)": (1.0, "angle random walk"),
+    "deg/sqrt(s)": (DEG, "angle random walk"),
+    "deg/sqrt(h)": (DEG / _SQRT_H, "angle random walk"),
+    "deg/s/sqrt(Hz)": (DEG, "angle random walk"),
+    "deg/h/sqrt(Hz)": (DEG / _H, "angle random walk"),
+    "rad/s/sqrt(s)": (1.0, "rate random walk"),
+    "deg/h/sqrt(h)": (DEG / _H / _SQRT_H, "rate random walk"),
+    "deg/s/sqrt(h)": (DEG / _SQRT_H, "rate random walk"),
+    "m/s": (1.0, "velocity"),
+    "mm/s": (1e-3, "velocity"),
+    "m/s^2": (1.0, "acceleration"),
+    "mm/s^2": (1e-3, "acceleration"),
+    "g": (STANDARD_GRAVITY, "acceleration"),
+    "mg": (_MG, "acceleration"),
+    "ug": (_UG, "acceleration"),
+    "mGal": (1e-5, "acceleration"),
+    "g*s": (STANDARD_GRAVITY, "velocity"),
+    "mg*s": (_MG, "velocity"),
+    "ug*s": (_UG, "velocity"),
+    "m/s/sqrt(s)": (1.0, "velocity random walk"),
+    "m/s^2/sqrt(Hz)": (1.0, "velocity random walk"),
+    "m/s/sqrt(h)": (1.0 / _SQRT_H, "velocity random walk"),
+    "g/sqrt(Hz)": (STANDARD_GRAVITY, "velocity random walk"),
+    "mg/sqrt(Hz)": (_MG, "velocity random walk"),
+    "ug/sqrt(Hz)": (_UG, "velocity random walk"),
+    "m/s^2/sqrt(s)": (1.0, "acceleration random walk"),
+    "ug/sqrt(s)": (_UG, "acceleration random walk"),
+    "ug/sqrt(h)": (_UG / _SQRT_H, "acceleration random walk"),
+    "m/s^2/sqrt(h)": (1.0 / _SQRT_H, "acceleration random walk"),
+    "ppm": (1e-6, "ratio"),
+    "%": (1e-2, "ratio"),
+    "1": (1.0, "ratio"),
+}
+
+_SPELLINGS = {
+    "°": "deg", "dps": "deg/s", "dph": "deg/h", "hr": "h", "hour": "h", "sec": "s",
+    "rtHz": "sqrt(Hz)", "√Hz": "sqrt(Hz)", "√h": "sqrt(h)", "√s": "sqrt(s)", "rthr": "sqrt(h)",
+    "µ": "u", "μ": "u", "²": "^2", "**2": "^2", "m/s2": "m/s^2", "m/s/s": "m/s^2", "·": "*",
+}  # fmt: skip
+
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+
+
+def _normalise(unit: str) -> str:
+    text = unit.replace(" ", "").replace("(deg/h)", "deg/h").replace("(m/s)", "m/s")
+    if text in UNITS:
+        return text
+    for other, ours in _SPELLINGS.items():
+        # A letter spelling must stand alone: "hr" in "deg/hr", not in "through".
+        pattern = re.escape(other)
+        if other.isalpha() and other.isascii():
+            pattern = rf"(?<![A-Za-z]){pattern}(?![A-Za-z])"
+        elif other.startswith("m/s"):
+            pattern = rf"{pattern}(?![/^0-9])" if other == "m/s2" else rf"{pattern}(?!qrt)"
+        text = re.sub(pattern, ours, text)
+    return text
+
+
+def _lookup(unit: str, what: str) -> tuple[float, str]:
+    entry = UNITS.get(_normalise(unit))
+    if entry is None:
+        known = ", ".join(sorted(UNITS, key=str.lower))
+        raise InputError(f"{what}: unknown unit '{unit}'; known units: {known}")
+    return entry
+
+
+def dimension_of(unit: str) -> str:
+    """Name the dimension of a unit, as ``"angular rate"`` for ``"deg/h"``.
+
+    Raises
+    ------
+    InputError
+        If the unit is not in the table.
+    """
+    return _lookup(unit, "unit")[1]
+
+
+def parse(text: str, dimension: str, what: str = "value") -> float:
+    """Turn ``"0.01 deg/h"`` into SI (rad/s), checking that it has the wanted dimension.
+
+    Parameters
+    ----------
+    text : str
+        A number and a unit.
+    dimension : str
+        The wanted dimension, as named in `UNITS`.
+    what : str
+        What the value is, for the error text.
+
+    Raises
+    ------
+    InputError
+        If there is no number, no unit, an unknown unit or a unit of another dimension.
+    """
+    if not isinstance(text, str):
+        raise InputError(f"{what}: expected a text like '0.01 deg/h', got {text!r}")
+    match = _NUMBER.fullmatch(text)
+    if match is None:
+        raise InputError(f"{what}: expected a number and a unit of {dimension}, got '{text}'")
+    number, unit = match.groups()
+    if not unit:
+        raise InputError(f"{what}: '{text}' has no unit; say one of {_units_of(dimension)}")
+    factor, found = _lookup(unit, what)
+    if found != dimension:
+        raise InputError(
+            f"{what}: '{text}' is of {found}, expected {dimension} ({_units_of(dimension)})"
+        )
+    value = float(number) * factor
+    if not math.isfinite(value):
+        raise InputError(f"{what}: '{text}' is not a finite number")
+    return value
+
+
+def parse_factor(text: str, dimensions: tuple[str, ...], what: str) -> tuple[float, str]:
+    """Turn a unit, with or without a number (``"deg/s"``, ``"0.05 deg/s"``), into a factor to SI.
+
+    Returns
+    -------
+    (float, str)
+        Factor and dimension.
+
+    Raises
+    ------
+    InputError
+        If the unit is unknown, of none of the dimensions, or the number is zero.
+    """
+    match = _NUMBER.fullmatch(text)
+    number, unit = match.groups() if match and match.group(2) else ("1", text.strip())
+    factor, found = _lookup(unit, what)
+    if found not in dimensions:
+        options = " or ".join(f"{d} ({_units_of(d)})" for d in dimensions)
+        raise InputError(f"{what}: '{text}' is of {found}, expected {options}")
+    factor *= float(number)
+    if not (math.isfinite(factor) and factor != 0.0):
+        raise InputError(f"{what}: the scale '{text}' must be a finite number other than zero")
+    return factor, found
+
+
+def to_unit(value: float, unit: str) -> float:
+    """Express an SI value in a unit: ``to_unit(4.85e-8, "deg/h")`` is 0.01."""
+    return value / _lookup(unit, "unit")[0]
+
+
+def convert(value: float, from_unit: str, to: str) -> float:
+    """Convert between two units of one dimension.
+
+    Raises
+    ------
+    InputError
+        If the dimensions differ.
+    """
+    a, b = _lookup(from_unit, "unit"), _lookup(to, "unit")
+    if a[1] != b[1]:
+        raise InputError(f"cannot convert {a[1]} ('{from_unit}') to {b[1]} ('{to}')")
+    return value * a[0] / b[0]
+
+
+def _units_of(dimension: str) -> str:
+    return ", ".join(u for u, (_, d) in UNITS.items() if d == dimension)
