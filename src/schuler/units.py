@@ -98,7 +98,7 @@ def _normalise(unit: str) -> str:
         if other.isalpha() and other.isascii():
             pattern = rf"(?<![A-Za-z]){pattern}(?![A-Za-z])"
         elif other.startswith("m/s"):
-            pattern = rf"{pattern}(?![/^0-9])" if other == "m/s2" else rf"{pattern}(?!qrt)"
+            pattern = rf"{pattern}(?![0-9])" if other == "m/s2" else rf"{pattern}(?!qrt)"
         text = re.sub(pattern, ours, text)
     return text
 
