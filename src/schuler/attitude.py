@@ -44,6 +44,18 @@ def _rows(value: ArrayLike, width: int, name: str) -> tuple[tuple[int, ...], Arr
     return array.shape[:-1], np.ascontiguousarray(array).reshape(-1, width)
 
 
+def _broadcast(*values: tuple[ArrayLike, int, str]) -> tuple[tuple[int, ...], list[Array]]:
+    """Check each value's last dimension, then let the leading ones broadcast."""
+    rows = [_rows(value, width, name) for value, width, name in values]
+    lead = np.broadcast_shapes(*[shape for shape, _ in rows])
+    return lead, [
+        np.ascontiguousarray(
+            np.broadcast_to(flat.reshape((*shape, flat.shape[1])), (*lead, flat.shape[1]))
+        ).reshape(-1, flat.shape[1])
+        for shape, flat in rows
+    ]
+
+
 def _call(kernel: str, rows: Array, *out_shape: int) -> Array:
     from schuler.kernels import quat
 
@@ -111,9 +123,7 @@ def multiply(p: ArrayLike, q: ArrayLike) -> Array:
     """Return the Hamilton products p q, (..., 4): the rotation q followed by p."""
     from schuler.kernels.quat import quat_multiply_many
 
-    a, b = np.broadcast_arrays(np.asarray(p, np.float64), np.asarray(q, np.float64))
-    shape, pr = _rows(a, 4, "p")
-    _, qr = _rows(b, 4, "q")
+    shape, (pr, qr) = _broadcast((p, 4, "p"), (q, 4, "q"))
     out = np.empty_like(pr)
     quat_multiply_many(pr, qr, out)
     return out.reshape((*shape, 4))
@@ -123,10 +133,7 @@ def rotate(quat: ArrayLike, vector: ArrayLike) -> Array:
     """Return vectors (..., 3) turned by quaternions (..., 4)."""
     from schuler.kernels.quat import quat_rotate_many
 
-    q, v = np.asarray(quat, np.float64), np.asarray(vector, np.float64)
-    lead = np.broadcast_shapes(q.shape[:-1], v.shape[:-1])
-    shape, qr = _rows(np.broadcast_to(q, (*lead, q.shape[-1])), 4, "quat")
-    _, vr = _rows(np.broadcast_to(v, (*lead, v.shape[-1])), 3, "vector")
+    shape, (qr, vr) = _broadcast((quat, 4, "quat"), (vector, 3, "vector"))
     out = np.empty_like(vr)
     quat_rotate_many(qr, vr, out)
     return out.reshape((*shape, 3))
@@ -159,8 +166,8 @@ def to_scipy(quat: ArrayLike) -> Rotation:
     """Return a `scipy.spatial.transform.Rotation` of quaternions (..., 4), scalar first here."""
     from scipy.spatial.transform import Rotation
 
-    q = np.asarray(quat, np.float64)
-    return Rotation.from_quat(q[..., [1, 2, 3, 0]])
+    shape, rows = _rows(quat, 4, "quat")
+    return Rotation.from_quat(rows[:, [1, 2, 3, 0]].reshape((*shape, 4)))
 
 
 def from_scipy(rotation: Rotation) -> Array:

@@ -164,6 +164,13 @@ def quat_from_euler(psi: float, theta: float, gamma: float) -> Quat:
 
 
 @helper
+def _turn(y: float, x: float) -> float:
+    """Return atan2 in (-pi, pi]: half a turn is +180 deg, whatever the sign of a zero."""
+    a = math.atan2(y, x)
+    return math.pi if a == -math.pi else a
+
+
+@helper
 def euler_from_quat(q: Quat) -> Vec:
     """Return (psi, theta, gamma); at gimbal lock gamma is 0 and psi takes the whole turn.
 
@@ -175,8 +182,8 @@ def euler_from_quat(q: Quat) -> Vec:
     c = math.hypot(r2[0], r2[2])
     theta = math.atan2(r2[1], c)
     if c < 1e-8:
-        return math.atan2(r1[0], r0[0]), theta, 0.0
-    return math.atan2(-r0[1], r1[1]), theta, math.atan2(-r2[0], r2[2])
+        return _turn(r1[0], r0[0]), theta, 0.0
+    return _turn(-r0[1], r1[1]), theta, _turn(-r2[0], r2[2])
 
 
 @kernel
