@@ -118,7 +118,7 @@ class Intake:
     # ------------------------------------------------------------------------------
 
     def _open(self) -> tuple[Array, Array]:
-        if not self._waiting:
+        if not self._waiting_rows:
             raise InputError("the record is empty: no data rows were found")
         time = np.concatenate([t for t, _ in self._waiting])
         values = np.concatenate([v for _, v in self._waiting])
@@ -144,13 +144,11 @@ class Intake:
         max_gap = self._max_gap if self._max_gap is not None else 6.5 * nominal
         out_t, out_dt, out = np.empty(n), np.empty(n), np.empty((n, 6))
         base = int(self._state[0])
-        last = float(self._state[3])
         m, code, row = self._k.intake(
             self._state, self._code, nominal, max_gap, time, values, out_t, out_dt, out
         )
         if code != self._k.OK:
-            before = time[row - 1] if row > 0 else last
-            self._fail(code, base + row + 1, float(time[row]), float(before), values[row], max_gap)
+            self._fail(code, base + row + 1, float(time[row]), max_gap)
         return ImuRecord(
             out_t[:m],
             out_dt[:m],
@@ -159,9 +157,7 @@ class Intake:
             **self._flags,  # type: ignore[arg-type]
         )
 
-    def _fail(
-        self, code: int, row: int, t: float, before: float, values: Array, max_gap: float
-    ) -> None:
+    def _fail(self, code: int, row: int, t: float, max_gap: float) -> None:
         k = self._k
         if code == k.BAD_TIME:
             raise InputError(
