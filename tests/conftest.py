@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -52,7 +53,7 @@ def rng() -> np.random.Generator:
 
 @pytest.fixture(scope="session")
 def run_python() -> Callable[..., str]:
-    """Return a function that runs a piece of Python in a process of its own and gives its output."""
+    """Return a function that runs Python code in a process of its own and gives its output."""
 
     def run(code: str, **environment: str) -> str:
         done = subprocess.run(
@@ -72,7 +73,7 @@ def run_python() -> Callable[..., str]:
 def pieces(n: int, cuts: Iterable[int]) -> list[slice]:
     """Return slices that cover range(n), cut at the given places (repeated cuts: empty slices)."""
     edges = [0, *sorted(min(max(c, 0), n) for c in cuts), n]
-    return [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [slice(a, b) for a, b in pairwise(edges)]
 
 
 def chi_square_band(dof: int, false_alarm: float) -> tuple[float, float]:

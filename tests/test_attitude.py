@@ -257,7 +257,7 @@ def test_leading_dimensions_go_through(rng):
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (lambda: at.rotvec_to_quat([1.0, 2.0]), "expected `rotvec` to have shape (..., 3), got (2,)"),
+        (lambda: at.rotvec_to_quat([1, 2]), "expected `rotvec` to have shape (..., 3), got (2,)"),
         (lambda: at.quat_to_matrix(1.0), "expected `quat` to have shape (..., 4), got ()"),
         (lambda: at.quat_to_euler(np.ones((2, 3))), "expected `quat` to have shape (..., 4)"),
         (lambda: at.euler_to_quat(np.ones(4)), "expected `euler` to have shape (..., 3), got (4,)"),

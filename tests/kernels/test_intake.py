@@ -1,0 +1,142 @@
+"""The door's kernel: what it writes, what it counts, where it stops."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from schuler.kernels import intake as k
+
+
+def feed(kind, t, x, nominal=0.01, max_gap=0.065, state=None):
+    """Return state, samples (time, dt, values), code and row."""
+    t, x = np.asarray(t, float), np.asarray(x, float)
+    state = np.zeros(k.STATE_SIZE) if state is None else state
+    out_t, out_dt, out = np.empty(len(t)), np.empty(len(t)), np.empty((len(t), 6))
+    m, code, row = k.intake(state, kind, nominal, max_gap, t, x, out_t, out_dt, out)
+    return state, (out_t[:m], out_dt[:m], out[:m]), code, row
+
+
+def ramp(n, slope=1.0):
+    """Return n rows at 100 Hz whose six values grow linearly, each at its own pace."""
+    t = 0.01 * np.arange(1, n + 1)
+    return t, slope * t[:, None] * np.arange(1, 7)
+
+
+@pytest.mark.parametrize("kind", [k.RATES, k.MEAN_RATES, k.INCREMENTS])
+def test_rows_in_samples_out(kind):
+    t, x = ramp(20)
+    state, (time, dt, out), code, row = feed(kind, t, x)
+    assert (code, row) == (k.OK, -1)
+    assert state[0] == state[72] == 20
+    # The first instantaneous rate only opens the first interval.
+    np.testing.assert_array_equal(time, t[1:] if kind == k.RATES else t)
+    np.testing.assert_allclose(dt, 0.01, rtol=1e-12)
+    if kind == k.INCREMENTS:
+        np.testing.assert_array_equal(out, x)
+    if kind == k.MEAN_RATES:
+        np.testing.assert_allclose(out, x * 0.01, rtol=1e-12)
+    if kind == k.RATES:
+        # Any formula that is worth its name integrates a straight line exactly.
+        np.testing.assert_allclose(out, 0.005 * (x[1:] + x[:-1]), rtol=1e-12)
+
+
+def test_three_points_integrate_a_parabola_exactly_and_the_trapezoid_does_not():
+    t = 0.01 * np.arange(12)
+    x = (t**2)[:, None] * np.arange(1, 7)
+    _, (time, dt, out), _, _ = feed(k.RATES, t, x)
+    exact = (time**3 - (time - dt) ** 3)[:, None] / 3.0 * np.arange(1, 7)
+    np.testing.assert_allclose(out[1:], exact[1:], rtol=1e-10)
+    assert abs(out[0, 0] - exact[0, 0]) > 1e-8  # the first interval has no third point
+
+
+def test_uneven_grid_takes_the_trapezoid():
+    t = np.array([0.0, 0.01, 0.021, 0.03])
+    x = (t**2)[:, None] * np.ones(6)
+    _, (_, dt, out), _, _ = feed(k.RATES, t, x)
+    np.testing.assert_allclose(out[1:, 0], 0.5 * dt[1:] * (x[2:, 0] + x[1:-1, 0]), rtol=1e-14)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_row_that_is_not_finite_is_dropped_and_its_place_kept(bad):
+    t, x = ramp(10)
+    x[3, 4] = bad
+    x[7, 0] = bad
+    state, (time, dt, out), code, _ = feed(k.MEAN_RATES, t, x)
+    assert code == k.OK
+    assert state[17] == 2
+    assert (state[26], state[27], state[28]) == (4, 4, t[3])
+    np.testing.assert_array_equal(time, np.delete(t, [3, 7]))
+    # The next row's rate is held over the hole, so that no time is lost.
+    assert dt.sum() == pytest.approx(0.1, rel=1e-14)
+    np.testing.assert_allclose(out[3], x[4] * 0.02, rtol=1e-12)
+
+
+def test_an_increment_that_ends_a_gap_is_held_over_it():
+    t, x = ramp(6)
+    t[3:] += 0.03
+    state, (_, dt, out), code, _ = feed(k.INCREMENTS, t, x)
+    assert code == k.OK
+    assert (state[19], state[24], state[25]) == (1, t[2], 4)
+    assert state[20] == pytest.approx(0.04)
+    np.testing.assert_allclose(dt[3], 0.04, rtol=1e-12)
+    np.testing.assert_allclose(out[3], 4.0 * x[3], rtol=1e-12)
+    np.testing.assert_array_equal(np.delete(out, 3, axis=0), np.delete(x, 3, axis=0))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "code", "row"),
+    [
+        (lambda t, x: t.__setitem__(5, t[3]), k.BACKWARD, 5),
+        (lambda t, x: t.__setitem__(5, t[4]), k.REPEATED, 5),
+        (lambda t, x: t.__setitem__(slice(5, None), t[5:] + 1.0), k.GAP, 5),
+        (lambda t, x: t.__setitem__(2, np.nan), k.BAD_TIME, 2),
+        (lambda t, x: t.__setitem__(0, np.inf), k.BAD_TIME, 0),
+    ],
+)
+def test_where_it_stops(spoil, code, row):
+    t, x = ramp(10)
+    spoil(t, x)
+    _, (time, _, _), got, at = feed(k.INCREMENTS, t, x)
+    assert (got, at) == (code, row)
+    # What came before the bad row is out already.
+    np.testing.assert_array_equal(time, t[:row])
+
+
+def test_an_exact_repetition_is_dropped():
+    t, x = ramp(10)
+    t, x = np.insert(t, 4, t[3]), np.insert(x, 4, x[3], axis=0)
+    state, (time, _, out), code, _ = feed(k.INCREMENTS, t, x)
+    assert code == k.OK
+    assert state[18] == 1
+    assert state[72] == 10
+    np.testing.assert_array_equal(time, np.delete(t, 4))
+    np.testing.assert_array_equal(out, np.delete(x, 4, axis=0))
+
+
+def test_sums_and_extremes():
+    rng = np.random.default_rng(1)
+    t = 0.01 * np.arange(1, 101)
+    x = rng.normal(size=(100, 6))
+    state, _, _, _ = feed(k.MEAN_RATES, t, x)
+    np.testing.assert_allclose(state[60:66], x.sum(0), rtol=1e-12)
+    np.testing.assert_allclose(state[66:72], (x**2).sum(0), rtol=1e-12)
+    np.testing.assert_array_equal(state[30:36], np.abs(x).max(0))
+    np.testing.assert_allclose(state[76], np.linalg.norm(x[:, :3], axis=1).sum(), rtol=1e-12)
+    np.testing.assert_allclose(state[77], np.linalg.norm(x[:, 3:], axis=1).sum(), rtol=1e-12)
+    np.testing.assert_allclose(state[21], 0.99, rtol=1e-12)
+    assert state[23] == 99
+    assert state[75] == t[0]
+    assert np.all(state[54:60] == 1)
+
+
+def test_runs_at_the_extreme_are_counted():
+    x = np.sin(np.arange(200.0) / 7.0)[:, None] * np.ones(6)
+    x[:, 2] = np.clip(x[:, 2], -0.5, 0.5)
+    state, _, _, _ = feed(k.MEAN_RATES, 0.01 * np.arange(1, 201), x)
+    assert state[30 + 2] == 0.5
+    clipped = np.abs(x[:, 2]) == 0.5
+    assert state[48 + 2] == clipped.sum()
+    edges = np.flatnonzero(np.diff(np.r_[0, (x[:, 2] == 0.5) * 1 - (x[:, 2] == -0.5) * 1, 0]))
+    assert state[42 + 2] == np.diff(edges).max()
+    assert state[48] == 0
