@@ -192,7 +192,17 @@ def wahba_covariance(rr: ArrayLike, variance: float) -> Array:
     """Return the covariance of phi for white noise of a variance per axis on each vector.
 
     The information is A = tr(S) I - S with S = sum of r r^T: phi = A^-1 sum of r x e.
+
+    Raises
+    ------
+    InputError
+        If S is not finite or the references all lie on one line.
     """
     s = np.asarray(rr, np.float64)
+    if not np.all(np.isfinite(s)):
+        raise InputError("the vector sums are not finite")
     a = np.trace(s) * np.eye(3) - s
+    weakest, _, strongest = np.linalg.eigvalsh(a)
+    if weakest <= 1e-14 * max(strongest, 1e-300):
+        raise InputError("the vectors all lie on one line: they do not fix an attitude")
     return np.asarray(variance * np.linalg.inv(a))
