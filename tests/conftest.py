@@ -17,7 +17,10 @@ from scipy.stats import chi2
 
 ROOT = Path(__file__).resolve().parent.parent
 
-settings.register_profile("schuler", derandomize=True, deadline=None, print_blob=False)
+# Kernels that run uncompiled (for their coverage) are a hundred times slower.
+_EXAMPLES = 5 if os.environ.get("NUMBA_DISABLE_JIT") == "1" else 100
+
+settings.register_profile("schuler", derandomize=True, deadline=None, max_examples=_EXAMPLES)
 settings.load_profile("schuler")
 
 
