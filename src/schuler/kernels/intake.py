@@ -35,12 +35,12 @@ from schuler.kernels._jit import kernel
 
 STATE_SIZE = 80
 
-OK, BACKWARD, REPEATED, GAP, BAD_TIME = 0, 1, 2, 3, 4
+OK, BACKWARD, REPEATED, GAP, BAD_TIME, OVERLAP = 0, 1, 2, 3, 4, 5
 RATES, MEAN_RATES, INCREMENTS = 0, 1, 2
 
 
 @kernel
-def intake(state, kind, nominal, max_gap, t, x, out_t, out_dt, out):
+def intake(state, kind, nominal, max_gap, t, x, out_t, out_dt, out, steps=None):
     """Check rows and turn them into increments.
 
     Parameters
@@ -55,6 +55,9 @@ def intake(state, kind, nominal, max_gap, t, x, out_t, out_dt, out):
         Time and gyro, accelerometer values in SI and body axes.
     out_t, out_dt, out : (n,), (n,), (n, 6) float64
         Filled with the samples.
+    steps : (n,) float64, optional
+        Interval lengths that are known exactly, for `INCREMENTS`: values are then taken as they
+        are, and a gap is time that no interval covers.
 
     Returns
     -------
@@ -91,6 +94,8 @@ def intake(state, kind, nominal, max_gap, t, x, out_t, out_dt, out):
                         return m, REPEATED, i
                 state[18] += 1.0
                 continue
+            if steps is not None and steps[i] > dt + 1e-3 * nominal:
+                return m, OVERLAP, i
         else:
             state[75] = ti
 
@@ -121,7 +126,10 @@ def intake(state, kind, nominal, max_gap, t, x, out_t, out_dt, out):
 
         gap = started and dt > 1.5 * nominal
         if gap:
-            if dt > max_gap:
+            missing = dt
+            if steps is not None:
+                missing = dt - steps[i]
+            if missing > max_gap:
                 return m, GAP, i
             if state[19] == 0.0:
                 state[24] = state[3]
@@ -153,6 +161,9 @@ def intake(state, kind, nominal, max_gap, t, x, out_t, out_dt, out):
             s = dt
             if kind == INCREMENTS:
                 s = dt / nominal if gap else 1.0
+            if steps is not None:
+                s = 1.0
+                dt = steps[i]
             for j in range(6):
                 out[m, j] = x[i, j] * s
             out_t[m] = ti

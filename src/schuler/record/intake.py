@@ -77,10 +77,14 @@ class Intake:
             "name": name,
         }
         self._state = np.zeros(k.STATE_SIZE)
-        self._waiting: list[tuple[Array, Array]] = []
+        self._waiting: list[tuple[Array, Array, Array | None]] = []
         self._waiting_rows = 0
 
-    def push(self, time: Array, values: Array) -> ImuRecord:
+    def skip(self, rows: int) -> None:
+        """Count rows that are left out, so that later ones keep their number; before any `push`."""
+        self._state[0] += rows
+
+    def push(self, time: Array, values: Array, dt: Array | None = None) -> ImuRecord:
         """Take rows and return the samples that they complete (possibly none).
 
         Parameters
@@ -89,6 +93,10 @@ class Intake:
             s.
         values : (n, 6) float64
             Gyro then accelerometer, SI, body axes (RFU).
+        dt : (n,) float64, optional
+            Interval lengths, s, where they are known exactly, as in a record that was saved; only
+            for increments, and then with every push. They are kept as they are, and so are the
+            increments: a gap that was bridged before the record was saved stays bridged.
         """
         time = np.ascontiguousarray(time, np.float64)
         values = np.ascontiguousarray(values, np.float64)
@@ -96,20 +104,22 @@ class Intake:
             raise InputError(
                 f"expected {len(time)} rows of 6 values, got an array of shape {values.shape}"
             )
+        if dt is not None:
+            dt = np.ascontiguousarray(dt, np.float64)
+            self._check_steps(time, dt)
         if self._nominal is None:
-            self._waiting.append((time, values))
+            self._waiting.append((time, values, dt))
             self._waiting_rows += len(time)
             if self._waiting_rows < _WARM_UP:
                 return self._empty()
-            time, values = self._open()
-        return self._run(time, values)
+            time, values, dt = self._open()
+        return self._run(time, values, dt)
 
     def close(self) -> ImuRecord:
         """Return what is still waiting; call once, at the end of the input."""
         if self._nominal is not None:
             return self._empty()
-        time, values = self._open()
-        return self._run(time, values)
+        return self._run(*self._open())
 
     def quality(self) -> Quality:
         """Return what has been found so far."""
@@ -117,12 +127,31 @@ class Intake:
 
     # ------------------------------------------------------------------------------
 
-    def _open(self) -> tuple[Array, Array]:
+    def _check_steps(self, time: Array, dt: Array) -> None:
+        if self.kind != "increments" or dt.shape != time.shape:
+            raise InputError(
+                f"interval lengths need increments and one for each of the {len(time)} rows, "
+                f"got an array of shape {dt.shape} for {self.kind}"
+            )
+        bad = np.flatnonzero(~(np.isfinite(dt) & (dt > 0)))
+        if len(bad):
+            row = int(self._state[0]) + self._waiting_rows * (self._nominal is None) + bad[0] + 1
+            raise InputError(
+                f"data row {row} (t = {time[bad[0]]:.9g} s): the interval dt = {dt[bad[0]]:g} s "
+                "must be a positive number; repair the row or leave the dt column out"
+            )
+
+    def _open(self) -> tuple[Array, Array, Array | None]:
         if not self._waiting_rows:
             raise InputError("the record is empty: no data rows were found")
-        time = np.concatenate([t for t, _ in self._waiting])
-        values = np.concatenate([v for _, v in self._waiting])
+        time = np.concatenate([t for t, _, _ in self._waiting])
+        values = np.concatenate([v for _, v, _ in self._waiting])
+        exact = [s for _, _, s in self._waiting if s is not None]
+        dt = np.concatenate(exact) if exact else None
         self._waiting = []
+        if dt is not None and len(dt):
+            self._nominal = float(np.median(dt[:_WARM_UP]))
+            return time, values, dt
         steps = np.diff(time[:_WARM_UP])
         steps = steps[np.isfinite(steps) & (steps > 0)]
         if len(time) < 2:
@@ -135,9 +164,9 @@ class Intake:
                 f"(t = {time[0]:.6g} s): is this the time column?"
             )
         self._nominal = float(np.median(steps))
-        return time, values
+        return time, values, None
 
-    def _run(self, time: Array, values: Array) -> ImuRecord:
+    def _run(self, time: Array, values: Array, dt: Array | None) -> ImuRecord:
         n = len(time)
         nominal = self._nominal
         assert nominal is not None
@@ -145,7 +174,7 @@ class Intake:
         out_t, out_dt, out = np.empty(n), np.empty(n), np.empty((n, 6))
         base = int(self._state[0])
         m, code, row = self._k.intake(
-            self._state, self._code, nominal, max_gap, time, values, out_t, out_dt, out
+            self._state, self._code, nominal, max_gap, time, values, out_t, out_dt, out, dt
         )
         if code != self._k.OK:
             self._fail(code, base + row + 1, float(time[row]), max_gap)
@@ -175,6 +204,11 @@ class Intake:
             raise InputError(
                 f"{where}: the time of the row before is repeated with other values; "
                 "remove one of the rows, or check the time column's resolution"
+            )
+        if code == k.OVERLAP:
+            raise InputError(
+                f"{where}: its interval dt is longer than the {t - last:.6g} s since the row "
+                "before; check the dt column and its unit, or leave it out"
             )
         raise InputError(
             f"{where}: a gap of {t - last:.6g} s since t = {last:.9g} s is longer than the "

@@ -1,0 +1,104 @@
+"""Files in and out: one sample, one meaning, settled at this door.
+
+`read` gives a whole record, `open_source` a `Source` that is read in pieces or while it grows,
+`write` saves a record. Formats: text tables (CSV, TSV, semicolons, blanks), Parquet, NumPy's npz,
+MATLAB's mat, PSINS .imu and plain float64 records; `readers` lists them, `register` adds one.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from schuler.errors import InputError
+from schuler.io.content import Content, Reader
+from schuler.io.mapping import Mapping
+from schuler.io.registry import readers, register
+from schuler.io.source import Source
+from schuler.io.write import write
+from schuler.record import ImuRecord
+
+__all__ = [
+    "Content",
+    "Mapping",
+    "Reader",
+    "Source",
+    "open_source",
+    "read",
+    "readers",
+    "register",
+    "write",
+]
+
+
+def open_source(
+    path: str | Path,
+    mapping: Mapping | str | Path | None = None,
+    *,
+    max_gap: float | None = None,
+    **mapping_overrides: Any,
+) -> Source:
+    """Open a file and settle what its numbers mean, without reading them.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; ``"-"`` is standard input (text).
+    mapping : Mapping, str or Path, optional
+        What is known about the file, or a TOML file that says it. A sidecar ``truck.csv.toml``
+        beside ``truck.csv`` is used by itself; what is given here wins over it.
+    max_gap : float, optional
+        Longest gap that is bridged, s; six and a half sampling intervals when not given.
+    **mapping_overrides
+        Single fields of `Mapping`, which win over `mapping`: ``gyro="deg/s"``, ``axes="FRD"``.
+
+    Returns
+    -------
+    Source
+        Its `meaning` says in one sentence what the numbers are taken for.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be opened or understood.
+    """
+    if mapping is not None and not isinstance(mapping, Mapping):
+        mapping = Mapping.from_toml(mapping)
+    if mapping_overrides:
+        mapping = (mapping or Mapping()).merged(Mapping.from_cli(**mapping_overrides))
+    return Source(path, mapping, max_gap=max_gap)
+
+
+def read(
+    path: str | Path,
+    mapping: Mapping | str | Path | None = None,
+    *,
+    start: float | None = None,
+    stop: float | None = None,
+    max_gap: float | None = None,
+    **mapping_overrides: Any,
+) -> ImuRecord:
+    """Read a file into a record.
+
+    Parameters
+    ----------
+    path, mapping, max_gap, **mapping_overrides
+        As for `open_source`.
+    start, stop : float, optional
+        Read only this stretch of the file's own time, s; rows outside are not checked.
+
+    Returns
+    -------
+    ImuRecord
+        Increments in SI and body axes (RFU), with `quality` set.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be opened or understood, or a row cannot be used: one sentence with
+        the file, the row, its time and what to do.
+    """
+    if start is not None and stop is not None and not start < stop:
+        raise InputError(f"start ({start:g} s) must be before stop ({stop:g} s)")
+    source = open_source(path, mapping, max_gap=max_gap, **mapping_overrides)
+    return source.read(start=start, stop=stop)

@@ -1,0 +1,146 @@
+"""From a file's named arrays (.npz, .mat) to rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from schuler.errors import InputError
+from schuler.io.columns import choose
+from schuler.io.content import BLOCK_ROWS, Array, Block, Content
+from schuler.io.mapping import Mapping
+
+__all__ = ["from_arrays"]
+
+_TIME = ("t", "time", "timestamp", "timestamps", "times")
+_GYRO = ("gyro", "gyr", "gyroscope", "omega", "w", "wb", "angular_rate", "angular_velocity")
+_ACCEL = ("accel", "acc", "accelerometer", "f", "fb", "acceleration", "specific_force")
+
+
+def from_arrays(names: Sequence[str], load: Callable[[str], Any], mapping: Mapping) -> Content:
+    """Find the arrays, check their shapes and offer them as rows.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Arrays in the file.
+    load : callable
+        Gives one by its name.
+    mapping : Mapping
+        `variables`, `columns` and `rate` are looked at.
+
+    Raises
+    ------
+    InputError
+        If the arrays cannot be told or do not fit each other.
+    """
+    v = dict(mapping.variables or {})
+    for key, name in v.items():
+        if name not in names:
+            raise InputError(
+                f"there is no array '{name}' for {key}; the file has {', '.join(names) or 'none'}"
+            )
+    if "matrix" in v:
+        return _matrix(v["matrix"], _numbers(v["matrix"], load), mapping)
+    steps = None
+    said = Mapping()
+    if not v and {"dtheta", "dvel"} <= set(names):
+        v.update(gyro="dtheta", accel="dvel")
+        said = Mapping(gyro="rad", accel="m/s")
+        steps = "dt" if "dt" in names else None
+    for key, usual in (("gyro", _GYRO), ("accel", _ACCEL), ("time", _TIME)):
+        if key not in v:
+            hits = [name for name in names if name.lower() in usual]
+            if len(hits) > 1:
+                raise InputError(
+                    f"the arrays {', '.join(hits)} could all be the {key}; say which with "
+                    f"--variables {key}=NAME"
+                )
+            if hits:
+                v[key] = hits[0]
+    if "gyro" not in v and "accel" not in v:
+        tables = []
+        for name in names:
+            array = load(name)
+            if np.ndim(array) == 2 and min(np.shape(array)) >= 6 and np.asarray(array).size:
+                tables.append(name)
+        if len(tables) == 1:
+            return _matrix(tables[0], _numbers(tables[0], load), mapping)
+    for key in ("gyro", "accel"):
+        if key not in v:
+            raise InputError(
+                f"no array for the {key} was found among {', '.join(names) or 'none'}; name it "
+                f"with --variables {key}=NAME, or one table with matrix=NAME"
+            )
+    if mapping.columns is not None:
+        raise InputError("columns can be named only in a table (--variables matrix=NAME)")
+    gyro, accel = (_triple(v[key], _numbers(v[key], load)) for key in ("gyro", "accel"))
+    n = len(gyro)
+    if len(accel) != n:
+        raise InputError(f"'{v['gyro']}' has {n} rows, but '{v['accel']}' has {len(accel)}")
+    time = None
+    if "time" in v and (mapping.rate is None or (mapping.variables or {}).get("time")):
+        time = _line(v["time"], _numbers(v["time"], load), n)
+    elif mapping.rate is None:
+        raise InputError(
+            "there is no time array: name it with --variables time=NAME, or give the rate with "
+            "--rate"
+        )
+    dt = None if steps is None or mapping.rate else _line(steps, _numbers(steps, load), n)
+    columns = [*gyro.T, *accel.T]
+    return _content(time, columns, dt, said, f"array '{v.get('time', '')}'")
+
+
+def _matrix(name: str, table: Array, mapping: Mapping) -> Content:
+    if table.ndim != 2:
+        raise InputError(f"array '{name}' has shape {table.shape}, expected a table of columns")
+    if table.shape[0] < table.shape[1]:
+        table = table.T
+    chosen = choose(None, table.shape[1], mapping)
+    time = None if chosen.t is None else table[:, chosen.t]
+    columns = [table[:, i] for i in chosen.values]
+    return _content(time, columns, None, Mapping(), f"{chosen.t_label} of '{name}'")
+
+
+def _content(
+    time: Array | None, columns: list[Array], dt: Array | None, said: Mapping, label: str
+) -> Content:
+    n = len(columns[0])
+    if n == 0:
+        raise InputError("has no data rows")
+    done = [0]
+
+    def blocks() -> Iterator[Block]:
+        for i in range(0, n, BLOCK_ROWS):
+            part = slice(i, i + BLOCK_ROWS)
+            done[0] = min(n, i + BLOCK_ROWS)
+            yield (
+                None if time is None else time[part],
+                [column[part] for column in columns],
+                None if dt is None else dt[part],
+            )
+
+    return Content(blocks=blocks, said=said, time_label=label, rows=n, progress=lambda: done[0] / n)
+
+
+def _numbers(name: str, load: Callable[[str], Any]) -> Array:
+    array = np.asarray(load(name))
+    if array.dtype.kind not in "iuf":
+        raise InputError(f"array '{name}' is of type {array.dtype}, not real numbers")
+    return array.astype(np.float64, copy=False)
+
+
+def _triple(name: str, array: Array) -> Array:
+    if array.ndim == 2 and array.shape[1] == 3:
+        return array
+    if array.ndim == 2 and array.shape[0] == 3:
+        return array.T
+    raise InputError(f"array '{name}' has shape {array.shape}, expected (n, 3)")
+
+
+def _line(name: str, array: Array, n: int) -> Array:
+    if array.size != n or array.ndim > 2 or max(array.shape, default=0) != n:
+        raise InputError(f"array '{name}' has shape {array.shape}, expected {n} values")
+    return array.reshape(n)

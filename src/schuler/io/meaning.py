@@ -1,0 +1,164 @@
+"""What a file's numbers mean, settled once: kind, factors to SI, axes, clock; and said aloud."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schuler.errors import InputError
+from schuler.io.axes import RFU, Axes, parse_axes
+from schuler.io.content import Array, Block, Content
+from schuler.io.mapping import Mapping
+from schuler.units import parse_factor
+
+__all__ = ["Meaning", "settle"]
+
+#: fields that say what the numbers are, as against how the file is laid out
+_ABOUT = (
+    "columns", "gyro", "accel", "time", "mean_rates", "axes", "rate", "start_time",
+    "coning_corrected", "sculling_corrected", "variables",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """How rows become SI values in body axes.
+
+    Parameters
+    ----------
+    kind : str
+        As for `schuler.record.Intake`.
+    mapping : Mapping
+        With every choice that was made filled in.
+    gyro, accel : (3,) float64
+        Factors to SI for the file's x, y, z.
+    time : float
+        Factor to seconds.
+    axes : Axes
+        From the file's axes to right, forward, up.
+    sentence : str
+        All this for a person to read.
+    """
+
+    kind: str
+    mapping: Mapping
+    gyro: Array
+    accel: Array
+    time: float
+    axes: Axes
+    sentence: str
+
+    def convert(self, block: Block, done: int) -> tuple[Array, Array, Array | None]:
+        """Turn a block of a file into time, values (n, 6) and dt in SI and body axes.
+
+        Parameters
+        ----------
+        block : Block
+            As a reader gives it.
+        done : int
+            Rows before this block, for a clock made from the rate.
+        """
+        time, values, dt = block
+        columns = values.T if isinstance(values, np.ndarray) else values
+        n = len(columns[0])
+        out = np.empty((n, 6))
+        for j in range(3):
+            k, s = self.axes.take[j], self.axes.sign[j]
+            np.multiply(columns[k], s * self.gyro[k], out=out[:, j])
+            np.multiply(columns[3 + k], s * self.accel[k], out=out[:, 3 + j])
+        if self.mapping.rate is not None:
+            # Instantaneous rates begin at the start; what ends with a row ends one interval later.
+            first = done if self.kind == "rates" else done + 1
+            start = self.mapping.start_time or 0.0
+            return start + np.arange(first, first + n) / self.mapping.rate, out, None
+        if time is None:
+            raise InputError("there is no time column: give the rate with --rate")
+        seconds = np.asarray(time, np.float64)
+        if self.time != 1.0:
+            seconds = seconds * self.time
+        if dt is None or self.kind != "increments":
+            return seconds, out, None
+        return seconds, out, np.asarray(dt, np.float64) * self.time
+
+
+def settle(content: Content, given: Mapping, folder: Mapping) -> Meaning:
+    """Settle what a file means: what is given wins over the file, the file over its folder.
+
+    Raises
+    ------
+    InputError
+        If gyro and accelerometer units are of different kinds, or options contradict each other.
+    """
+    if content.complete:
+        said = [key for key in _ABOUT if key in given.said()]
+        if said:
+            raise InputError(
+                f"schuler wrote this file, and it says itself what it holds; drop '{said[0]}'"
+            )
+        folder = Mapping()
+    m = folder.merged(content.said).merged(given)
+    assumed = ""
+    gyro, accel = m.gyro, m.accel
+    if gyro is None and accel is None:
+        gyro, accel, assumed = "rad/s", "m/s^2", " (assumed)"
+    elif gyro is None:
+        rate = parse_factor(str(accel), ("acceleration", "velocity"), "accel")[1] == "acceleration"
+        gyro, assumed = ("rad/s" if rate else "rad"), " (gyro unit assumed)"
+    elif accel is None:
+        rate = parse_factor(gyro, ("angular rate", "angle"), "gyro")[1] == "angular rate"
+        accel, assumed = ("m/s^2" if rate else "m/s"), " (accelerometer unit assumed)"
+    assert gyro is not None
+    assert accel is not None
+    gyro_factor, gyro_kind = parse_factor(gyro, ("angular rate", "angle"), "gyro")
+    accel_factor, accel_kind = parse_factor(accel, ("acceleration", "velocity"), "accel")
+    if (gyro_kind == "angle") != (accel_kind == "velocity"):
+        raise InputError(
+            f"the gyro unit '{gyro}' is of {gyro_kind}, the accelerometer unit '{accel}' of "
+            f"{accel_kind}: give both as rates (rad/s, m/s^2) or both as increments (rad, m/s)"
+        )
+    increments = gyro_kind == "angle"
+    if increments and m.mean_rates:
+        raise InputError(
+            f"mean rates are asked for, but '{gyro}' and '{accel}' are increments; drop "
+            "--mean-rates or give units of rates"
+        )
+    if m.start_time is not None and m.rate is None:
+        raise InputError("a start time needs a rate; without one, time comes from the file")
+    kind = "increments" if increments else ("mean-rates" if m.mean_rates else "rates")
+    axes = parse_axes(m.axes) if m.axes else RFU
+    gyros, accels = np.full(3, gyro_factor), np.full(3, accel_factor)
+    exact = content.factors is not None and content.said.gyro == gyro
+    if content.factors is not None and content.said.gyro == gyro:
+        gyros = content.factors[:3]
+    if content.factors is not None and content.said.accel == accel:
+        accels = content.factors[3:]
+    units = f"{gyro} and {accel}"
+    if exact and content.said.accel == accel and content.units_label:
+        units = content.units_label
+    words = {
+        "rates": "instantaneous rates",
+        "mean-rates": "rates averaged over each interval",
+        "increments": "increments",
+    }
+    if m.rate is not None:
+        clock = f"time from the rate {m.rate:.9g} Hz, starting at {m.start_time or 0.0:.9g} s"
+    else:
+        clock = f"time from {content.time_label} in {m.time or 's'}"
+    way = f"axes {axes.name}" + ("" if m.axes else " (assumed)")
+    return Meaning(
+        kind,
+        replace(
+            m,
+            gyro=gyro,
+            accel=accel,
+            axes=axes.name,
+            time=None if m.rate is not None else (m.time or "s"),
+            mean_rates=None if increments else bool(m.mean_rates),
+        ),
+        gyros,
+        accels,
+        parse_factor(m.time, ("time",), "time")[0] if m.time else 1.0,
+        axes,
+        f"{words[kind]} in {units}{assumed}, {way}, {clock}",
+    )

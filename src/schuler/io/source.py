@@ -1,0 +1,355 @@
+"""`Source`: an opened file, read whole, in pieces of bounded memory, or while it grows."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time as clock
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler.errors import InputError
+from schuler.io.content import Block, Content
+from schuler.io.mapping import Mapping
+from schuler.io.meaning import settle
+from schuler.io.registry import find_reader
+from schuler.record import ImuRecord, Intake, Quality
+
+__all__ = ["FOLDER_MAPPING", "Source"]
+
+#: a mapping beside the files of a folder that say nothing themselves
+FOLDER_MAPPING = "schuler-mapping.toml"
+
+_HEAD = 1 << 16
+
+
+class Source:
+    """A file that holds IMU samples, opened and understood, not yet read.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; ``"-"`` is standard input (text).
+    mapping : Mapping, optional
+        What is known about the file. It wins over the sidecar ``FILE.toml`` beside the file, that
+        over what the file says of itself, and that over the folder's ``schuler-mapping.toml``.
+    max_gap : float, optional
+        Longest gap that is bridged, s; six and a half sampling intervals when not given.
+
+    Attributes
+    ----------
+    path : Path
+    format : str
+        Name of the reader.
+    mapping : Mapping
+        With every choice filled in.
+    kind : str
+        ``"rates"``, ``"mean-rates"`` or ``"increments"``.
+    meaning : str
+        One sentence that says what the numbers are taken for.
+    notes : list of str
+        What was decided or dropped on the way; may grow while reading.
+    position : (lat, lon, height) or None
+        Degrees, degrees and m, where the file tells.
+    rows : int or None
+        Number of rows, where that is known without reading.
+    size : int or None
+        Bytes; None for standard input.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be opened or understood; the sentence begins with its name.
+    """
+
+    def __init__(
+        self, path: str | Path, mapping: Mapping | None = None, *, max_gap: float | None = None
+    ) -> None:
+        self.path = Path(path)
+        self._label = "standard input" if self.path == Path("-") else str(path)
+        self._max_gap = max_gap
+        self._quality: Quality | None = None
+        self._intake: Intake | None = None
+        try:
+            given, folder, notes, self.size, head = self._look(mapping or Mapping())
+            reader = find_reader(self.path, head)
+            self.format = reader.name
+            opened = reader.open(self.path, folder.merged(given))
+            content = opened if isinstance(opened, Content) else _wrap(opened)
+            self._meaning = settle(content, given, folder)
+            self._new_intake(content)  # refuses a bad max_gap now
+        except InputError as error:
+            raise InputError(f"{self._label}: {error}") from None
+        except OSError as error:
+            raise InputError(f"{self._label}: cannot be read ({error.strerror or error})") from None
+        self._content = content
+        self.mapping = self._meaning.mapping
+        self.kind = self._meaning.kind
+        self.meaning = self._meaning.sentence
+        content.notes[:0] = notes
+        self.notes = content.notes
+        self.position = content.position
+        self.rows = content.rows
+
+    def __repr__(self) -> str:
+        return f"Source({self._label!r}, {self.format}: {self.meaning})"
+
+    def _look(self, mapping: Mapping) -> tuple[Mapping, Mapping, list[str], int | None, bytes]:
+        """Find the sidecars, and read the file's beginning."""
+        folder = Mapping()
+        if self.path == Path("-"):
+            return mapping, folder, [], None, b""
+        if self.path.is_dir():
+            raise InputError("is a folder; name a file in it")
+        if not self.path.exists():
+            raise InputError("there is no such file")
+        notes = []
+        sidecar = self.path.with_name(self.path.name + ".toml")
+        shared = self.path.with_name(FOLDER_MAPPING)
+        if shared.is_file():
+            folder = Mapping.from_toml(shared)
+            notes.append(f"defaults were taken from '{shared.name}' in its folder")
+        if sidecar.is_file():
+            mapping = Mapping.from_toml(sidecar).merged(mapping)
+            notes.append(f"the mapping beside it, '{sidecar.name}', was used")
+        with self.path.open("rb") as file:
+            head = file.read(_HEAD)
+        size = self.path.stat().st_size
+        if not head:
+            raise InputError("is empty")
+        return mapping, folder, notes, size, head
+
+    def _new_intake(self, content: Content) -> Intake:
+        m = self._meaning.mapping
+        return Intake(
+            self._meaning.kind,
+            rate=m.rate,
+            max_gap=self._max_gap,
+            coning_corrected=bool(m.coning_corrected),
+            sculling_corrected=bool(m.sculling_corrected),
+            name=content.name or ("stdin" if self.path == Path("-") else self.path.stem),
+        )
+
+    # -- reading -----------------------------------------------------------------------
+
+    @property
+    def quality(self) -> Quality | None:
+        """What has been found so far; None before the first row."""
+        if self._intake is None:
+            return None
+        return self._intake.quality()
+
+    @property
+    def progress(self) -> float:
+        """Fraction of the file that has been read, 0 to 1."""
+        return 0.0 if self._content.progress is None else self._content.progress()
+
+    def chunks(
+        self, size: int = 65536, *, start: float | None = None, stop: float | None = None
+    ) -> Iterator[ImuRecord]:
+        """Yield the samples in records of at most `size`, in bounded memory.
+
+        Parameters
+        ----------
+        size : int
+            Most samples in a piece; the samples do not depend on it.
+        start, stop : float, optional
+            Read only the rows of this stretch of the file's time, s; what lies outside is not
+            checked. Samples are those whose interval's middle lies in it.
+
+        Raises
+        ------
+        InputError
+            For a row that cannot be used, naming the file, the row and its time.
+        """
+        if size < 1:
+            raise InputError(f"chunk size must be at least 1, got {size}")
+        if start is not None and stop is not None and not start < stop:
+            raise InputError(f"start ({start:g} s) must be before stop ({stop:g} s)")
+        return self._chunks(size, start, stop)
+
+    def _chunks(self, size: int, start: float | None, stop: float | None) -> Iterator[ImuRecord]:
+        self._intake = intake = self._new_intake(self._content)
+        try:
+            empty = True
+            for record in self._records(intake, start, stop):
+                piece = record.between(start, stop) if (start, stop) != (None, None) else record
+                empty = empty and not len(piece)
+                if len(piece):
+                    yield from piece.chunks(size)
+            if empty and (start, stop) != (None, None):
+                raise InputError(
+                    f"there are no samples between {'its start' if start is None else start} and "
+                    f"{'its end' if stop is None else stop} s"
+                )
+        except InputError as error:
+            raise self._named(error) from None
+        except OSError as error:
+            raise InputError(f"{self._label}: cannot be read ({error.strerror or error})") from None
+
+    def _records(
+        self, intake: Intake, start: float | None, stop: float | None
+    ) -> Iterator[ImuRecord]:
+        done = 0
+        started = start is None
+        begin = -np.inf if start is None else start
+        # A thread that waits for standard input could not be ended.
+        blocks = self._content.blocks()
+        for block in blocks if self.path == Path("-") else prefetch(blocks):
+            time, values, dt = self._meaning.convert(block, done)
+            done += len(time)
+            if not started:
+                inside = np.flatnonzero(time >= begin)
+                if not len(inside):
+                    intake.skip(len(time))
+                    continue
+                started, first = True, int(inside[0])
+                intake.skip(first)
+                time, values, dt = time[first:], values[first:], dt if dt is None else dt[first:]
+            past = [] if stop is None else np.flatnonzero(time >= stop)[:1].tolist()
+            if past:
+                # Nothing after the first row at or past the stop is looked at.
+                n = past[0] + 1
+                time, values, dt = time[:n], values[:n], dt if dt is None else dt[:n]
+            yield intake.push(time, values, dt)
+            if past:
+                break
+        if started:
+            yield intake.close()
+
+    def read(self, *, start: float | None = None, stop: float | None = None) -> ImuRecord:
+        """Read the file whole, or the stretch from `start` to `stop` (s, as in `chunks`).
+
+        Returns
+        -------
+        ImuRecord
+            With `quality` set.
+
+        Raises
+        ------
+        InputError
+            As `chunks`.
+        """
+        parts = list(self.chunks(1 << 62, start=start, stop=stop))
+        if not parts:
+            raise InputError(f"{self._label}: the record has no samples")
+        return ImuRecord.concatenate(parts, quality=self.quality)
+
+    def follow(
+        self,
+        poll: float = 0.2,
+        idle: float | None = None,
+        stop: Callable[[], bool] | None = None,
+    ) -> Iterator[ImuRecord]:
+        """Yield samples as a text file grows, or as standard input brings them.
+
+        Only whole lines are taken. The first samples wait until 256 rows are there, unless the
+        rate is given; later ones come at once.
+
+        Parameters
+        ----------
+        poll : float
+            How often to look for new lines, s.
+        idle : float, optional
+            End after so many seconds without anything new; never, when not given.
+        stop : callable, optional
+            Asked before each look; true ends the following.
+
+        Raises
+        ------
+        InputError
+            If the format cannot be followed, the file becomes shorter, or a row is bad.
+        """
+        if self._content.follow is None:
+            raise InputError(
+                f"{self._label}: a {self.format} file cannot be followed, only text can"
+            )
+        if not poll > 0:
+            raise InputError(f"poll must be a positive time, got {poll}")
+        self._intake = intake = self._new_intake(self._content)
+        quiet = done = 0.0
+        try:
+            for block in self._content.follow():
+                if block is None:
+                    if idle is not None and quiet >= idle:
+                        break
+                    if stop is not None and stop():
+                        break
+                    clock.sleep(poll)
+                    quiet += poll
+                    continue
+                quiet = 0.0
+                time, values, dt = self._meaning.convert(block, int(done))
+                done += len(time)
+                record = intake.push(time, values, dt)
+                if len(record):
+                    yield record
+                if stop is not None and stop():
+                    break
+            record = intake.close()
+            if len(record):
+                yield record
+        except InputError as error:
+            raise self._named(error) from None
+        except OSError as error:
+            raise InputError(f"{self._label}: cannot be read ({error.strerror or error})") from None
+
+    def _named(self, error: InputError) -> InputError:
+        text = str(error)
+        return error if text.startswith(f"{self._label}:") else InputError(f"{self._label}: {text}")
+
+
+def _wrap(opened: Any) -> Content:
+    """Make a `Content` of what a simple reader gives: an iterable of (time, values)."""
+
+    def blocks() -> Iterator[Block]:
+        for item in opened:
+            time, values = item[0], item[1]
+            yield time, values, None
+
+    return Content(blocks=blocks)
+
+
+def prefetch(blocks: Iterator[Block]) -> Iterator[Block]:
+    """Yield the same blocks while a thread makes the next one."""
+    ready: queue.Queue[tuple[Block | None, BaseException | None]] = queue.Queue(maxsize=1)
+    closed = threading.Event()
+
+    def put(item: tuple[Block | None, BaseException | None]) -> bool:
+        while not closed.is_set():
+            try:
+                ready.put(item, timeout=0.1)
+            except queue.Full:
+                continue
+            return True
+        return False
+
+    def work() -> None:
+        try:
+            for block in blocks:
+                if not put((block, None)):
+                    return
+            put((None, None))
+        except BaseException as error:
+            put((None, error))
+        finally:
+            close = getattr(blocks, "close", None)
+            if close is not None:
+                close()
+
+    thread = threading.Thread(target=work, name="schuler-read", daemon=True)
+    thread.start()
+    try:
+        while True:
+            block, error = ready.get()
+            if error is not None:
+                raise error
+            if block is None:
+                return
+            yield block
+    finally:
+        closed.set()
+        thread.join()

@@ -1,0 +1,123 @@
+"""Saving a record: Parquet, CSV or npz, whole or not at all, bit for bit."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler.errors import InputError
+from schuler.io.dialect import MAGIC
+from schuler.record import ImuRecord
+
+__all__ = ["write"]
+
+#: columns of a saved table: increments over (t - dt, t], in right-forward-up axes
+_COLUMNS = ("t [s]", "dt [s]", "gx [rad]", "gy [rad]", "gz [rad]", "ax [m/s]", "ay [m/s]",
+            "az [m/s]")  # fmt: skip
+
+
+def write(record: ImuRecord, path: str | Path, *, overwrite: bool = True) -> None:
+    """Save a record; `read` gives its numbers and flags back bit for bit.
+
+    The file appears whole or not at all: it is written under another name in the same folder
+    and then renamed.
+
+    Parameters
+    ----------
+    record : ImuRecord
+        With three gyros and three accelerometers.
+    path : str or Path
+        Its suffix chooses the format: .parquet, .csv or .npz.
+    overwrite : bool
+        Whether a file of that name may be replaced.
+
+    Raises
+    ------
+    InputError
+        If the suffix is unknown, the file exists and must not be replaced, the record is empty
+        or has not three axes, or the file cannot be written.
+    """
+    path = Path(path)
+    save = _WRITERS.get(path.suffix.lower())
+    if save is None:
+        raise InputError(
+            f"{path}: cannot write the format '{path.suffix}'; use {', '.join(_WRITERS)}"
+        )
+    if not len(record):
+        raise InputError(f"{path}: the record has no samples, so there is nothing to write")
+    if record.dtheta.shape[1] != 3 or record.dvel.shape[1] != 3:
+        raise InputError(
+            f"{path}: only records of three gyros and three accelerometers can be written, this "
+            f"has {record.dtheta.shape[1]} and {record.dvel.shape[1]}"
+        )
+    if path.exists() and not overwrite:
+        raise InputError(f"{path}: is there already; remove it or allow it to be replaced")
+    about = json.dumps(
+        {
+            "version": 1,
+            "kind": "increments",
+            "axes": "RFU",
+            "name": record.name,
+            "coning_corrected": record.coning_corrected,
+            "sculling_corrected": record.sculling_corrected,
+        }
+    )
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        try:
+            save(record, part, about)
+            os.replace(part, path)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+
+
+def _table(record: ImuRecord) -> Any:
+    import pyarrow as pa
+
+    columns = [record.time, record.dt, *record.dtheta.T, *record.dvel.T]
+    return pa.table(
+        [pa.array(np.ascontiguousarray(column)) for column in columns], names=list(_COLUMNS)
+    )
+
+
+def _write_parquet(record: ImuRecord, path: Path, about: str) -> None:
+    from pyarrow import parquet
+
+    table = _table(record).replace_schema_metadata({"schuler": about})
+    parquet.write_table(table, path, compression="zstd", row_group_size=1 << 18)
+
+
+def _write_csv(record: ImuRecord, path: Path, about: str) -> None:
+    from pyarrow import csv
+
+    with path.open("wb") as file:
+        file.write(f"{MAGIC}{about}\n{','.join(_COLUMNS)}\n".encode())
+        options = csv.WriteOptions(include_header=False, quoting_style="none")
+        # Arrow writes the shortest text that reads back as the same number.
+        csv.write_csv(_table(record), file, options)
+
+
+def _write_npz(record: ImuRecord, path: Path, about: str) -> None:
+    with path.open("wb") as file:
+        np.savez(
+            file,
+            time=record.time,
+            dt=record.dt,
+            dtheta=record.dtheta,
+            dvel=record.dvel,
+            schuler=np.array(about),
+        )
+
+
+_WRITERS: dict[str, Callable[[ImuRecord, Path, str], None]] = {
+    ".parquet": _write_parquet,
+    ".csv": _write_csv,
+    ".npz": _write_npz,
+}
