@@ -1,0 +1,60 @@
+# Everything from Python 3 and make: each target makes .venv and installs what it needs, once.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+
+.PHONY: help test demo lint bench docs picture clean
+
+help:
+	@echo "make test     run the tests (two at a time)"
+	@echo "make demo     align a simulated truck and draw the report into out/"
+	@echo "make lint     style, types, and which room imports which"
+	@echo "make bench    time schuler beside its peers, into docs/benchmarks.md"
+	@echo "make docs     build the documentation into site/"
+	@echo "make picture  redraw the README's picture"
+	@echo "make clean    remove .venv and everything that was built"
+
+$(BIN)/python:
+	@command -v $(PYTHON) >/dev/null || { \
+	  echo "schuler needs Python 3.11 or newer, and there is no '$(PYTHON)' here:" \
+	       "install it, or say where it is: make PYTHON=/path/to/python3"; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "schuler needs Python 3.11 or newer, and '$(PYTHON)' is" \
+	       "$$($(PYTHON) -c 'import platform; print(platform.python_version())'):" \
+	       "say which to use: make PYTHON=python3.12"; exit 1; }
+	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
+	  echo "'$(PYTHON) -m venv' failed: on Debian and Ubuntu, install the package python3-venv"; \
+	  exit 1; }
+
+# One stamp for each set of extras: made again when pyproject.toml changes.
+$(VENV)/.with-%: pyproject.toml | $(BIN)/python
+	$(PIP) install -e '.[$*]'
+	@touch $@
+
+test: $(VENV)/.with-dev
+	$(BIN)/python -m pytest -n 2
+
+demo: $(VENV)/.with-report
+	$(BIN)/schuler demo --out out/
+
+lint: $(VENV)/.with-dev
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(VENV)/.with-bench
+	$(BIN)/python benchmarks/run.py
+
+docs: $(VENV)/.with-docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+picture: $(VENV)/.with-dev
+	$(BIN)/python docs/make_picture.py
+
+clean:
+	rm -rf $(VENV) build dist site out .pytest_cache .hypothesis .mypy_cache .ruff_cache \
+	  .import_linter_cache .coverage htmlcov
+	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
