@@ -78,7 +78,9 @@ def __getattr__(name: str) -> Any:
     module = _PUBLIC.get(name)
     if module is None:
         raise AttributeError(f"module 'schuler' has no attribute '{name}'")
-    value = getattr(import_module(module), name)
+    room = import_module(module)
+    # A room of the same name is itself callable (`schuler._face`): both uses must go on working.
+    value = room if module == f"schuler.{name}" else getattr(room, name)
     globals()[name] = value
     return value
 

@@ -5,5 +5,6 @@ from __future__ import annotations
 from schuler.record.imu import ImuRecord
 from schuler.record.intake import Intake
 from schuler.record.quality import Quality
+from schuler.record.summary import Stretch, Summariser, Summary
 
-__all__ = ["ImuRecord", "Intake", "Quality"]
+__all__ = ["ImuRecord", "Intake", "Quality", "Stretch", "Summariser", "Summary"]

@@ -195,12 +195,9 @@ class ImuSpec:
 
 _GRADES: dict[str, dict[str, Any]] = {
     "navigation-rlg": {
-        "source": (
-            "gyro: Honeywell GG1320AN product sheet (bias 0.0035 deg/h, 0.0035 deg/sqrt(h)); "
-            "accelerometer: Groves (2013), table 4.1, aviation grade, rounded up to 50 ug"
-        ),
-        "gyro": {"bias": "0.0035 deg/h", "angle_random_walk": "0.0035 deg/sqrt(h)"},
-        "accelerometer": {"bias": "50 ug", "velocity_random_walk": "20 ug/sqrt(Hz)"},
+        "source": "Honeywell HG9900 product sheet (0.003 deg/h, 0.002 deg/sqrt(h), 25 ug)",
+        "gyro": {"bias": "0.003 deg/h", "angle_random_walk": "0.002 deg/sqrt(h)"},
+        "accelerometer": {"bias": "25 ug", "velocity_random_walk": "20 ug/sqrt(Hz)"},
     },
     "navigation-fog": {
         "source": "typical 1 nmi/h fibre-optic unit; Groves (2013), tables 4.1-4.3, aviation grade",

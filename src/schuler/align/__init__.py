@@ -1,0 +1,42 @@
+"""Finding the attitude of a standing vehicle, with its uncertainty."""
+
+from __future__ import annotations
+
+from schuler._face import callable_room
+from schuler.align.aligner import Aligner, align
+from schuler.align.budget import (
+    analytic_error,
+    bias_formula,
+    inertial_error,
+    inertial_frame_error,
+)
+from schuler.align.convergence import Convergence, convergence
+from schuler.align.disturbance import Residual, residual
+from schuler.align.limit import limit
+from schuler.align.methods import METHODS, Analytic, Inertial, Method, parse_method
+from schuler.align.result import Alignment
+from schuler.align.windows import Windows, align_windows
+
+__all__ = [
+    "METHODS",
+    "Aligner",
+    "Alignment",
+    "Analytic",
+    "Convergence",
+    "Inertial",
+    "Method",
+    "Residual",
+    "Windows",
+    "align",
+    "align_windows",
+    "analytic_error",
+    "bias_formula",
+    "convergence",
+    "inertial_error",
+    "inertial_frame_error",
+    "limit",
+    "parse_method",
+    "residual",
+]
+
+callable_room(__name__)

@@ -1,0 +1,325 @@
+"""`Aligner`: chunks in, an alignment out at any time; `align` is one update."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.align.analytic import analytic_attitude
+from schuler.align.disturbance import (
+    analytic_disturbance,
+    inertial_disturbance,
+    noise_ratio,
+    residual,
+)
+from schuler.align.history import History, inertial_to_local
+from schuler.align.inertial import MINIMUM_ROWS, solve
+from schuler.align.limit import limit
+from schuler.align.methods import Analytic, Inertial, Method, parse_method
+from schuler.align.result import Alignment
+from schuler.align.uncertainty import analytic_responses, inertial_responses, instrument_budget
+from schuler.attitude import matrix_to_quat, quat_to_matrix
+from schuler.constants import ARCMIN
+from schuler.earth import Site
+from schuler.errors import InputError
+from schuler.record import ImuRecord, Summariser
+from schuler.sensors import ImuSpec, load_spec
+
+__all__ = ["Aligner", "Estimate", "align", "estimate"]
+
+Array = NDArray[np.float64]
+
+POLE = 89.0
+"""Latitude (deg) beyond which the Earth's rotation has too little level part for a heading."""
+
+_BIAS_MISSING = (
+    "no instrument specification was given: sigma holds the disturbance seen in the record, but "
+    "no gyro or accelerometer bias (say --spec navigation-fog, or a TOML file)"
+)
+
+
+_QUIET = 0.4
+"""Noise power, relative to the specification, that chance makes less than once in a thousand."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Attitude C_b^n (3, 3) and covariance by source.
+
+    With the orthonormality error of the analytic method, and how the residual's power compares
+    with the specification's noise (`noise_ratio`).
+    """
+
+    attitude: Array
+    budget: dict[str, Array]
+    orthonormality: float | None
+    noise_ratio: float | None
+
+    @property
+    def covariance(self) -> Array:
+        """Sum of the budget, rad^2, (3, 3)."""
+        return np.asarray(sum(self.budget.values(), np.zeros((3, 3))))
+
+
+def estimate(
+    h: History, site: Site, method: Method, spec: ImuSpec | None, at_end: bool
+) -> Estimate:
+    """Return the attitude of a history and its covariance by source."""
+    if len(h) < MINIMUM_ROWS:
+        raise InputError(
+            f"the record has only {h.samples} samples ({h.duration:.3g} s): too few to align"
+        )
+    orthonormality = None
+    ratio = None
+    if isinstance(method, Inertial):
+        r = solve(h, site.gravity, site.latitude, method.estimator)
+        tracked = quat_to_matrix(h.quat[-1]) if at_end else np.eye(3)
+        when = h.duration if at_end else 0.0
+        attitude = inertial_to_local(when, site.latitude) @ r @ tracked
+        responses = inertial_responses(h, r, site.gravity, site.latitude, method.estimator, at_end)
+        left = residual(h, site)
+        disturbance = inertial_disturbance(left, responses, site, spec)
+        if spec:
+            ratio = noise_ratio(left, site.gravity, spec)
+    else:
+        angle, velocity = h.increments()
+        attitude, orthonormality = analytic_attitude(
+            angle / h.duration, velocity / h.duration, site, method.base
+        )
+        responses = analytic_responses(h, attitude, site.gravity, site.earth_rate, method.base)
+        disturbance = analytic_disturbance(h, attitude, responses)
+    budget = instrument_budget(responses, spec) if spec else {}
+    budget["disturbance"] = disturbance
+    return Estimate(attitude, budget, orthonormality, ratio)
+
+
+class Aligner:
+    """Align a stream: `update` with chunks, `solution` whenever it is wanted.
+
+    Memory is constant for any length, and any chunking gives the same bits.
+
+    Parameters
+    ----------
+    site : Site
+        Latitude and height; the longitude is not needed.
+    method : Method or str, optional
+        `Inertial()` (centred) by default; see `METHODS`.
+    spec : ImuSpec, str or path, optional
+        The instrument: a grade, a TOML file or an `ImuSpec`.
+    at : {"end", "start"}
+        The instant of the attitude.
+
+    Raises
+    ------
+    InputError
+        For an unknown method or specification, or a site too near a pole.
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        method: Method | str | None = None,
+        spec: ImuSpec | str | Path | None = None,
+        *,
+        at: str = "end",
+    ) -> None:
+        from schuler.kernels import tracking
+
+        if abs(site.lat) > POLE:
+            raise InputError(
+                f"latitude {site.lat:g} deg is within {90 - POLE:g} deg of a pole: heading cannot "
+                "be found from the Earth's rotation there"
+            )
+        if at not in ("start", "end"):
+            raise InputError(f"at must be start or end, got '{at}'")
+        self.site = site
+        self.method = parse_method(method)
+        self.spec = load_spec(spec)
+        self.at = at
+        self._tracking = tracking
+        self._state = np.zeros(tracking.STATE_SIZE)
+        self._state[2] = 1.0
+        self._state[74] = 1.0
+        self._nodes = np.zeros((tracking.NODE_CAPACITY, tracking.ROW))
+        self._subsamples = 0
+        self._flags = (1.0, 1.0)
+        self._tail = (np.empty(0), np.empty(0))
+        self._summariser = Summariser()
+        self._name = "record"
+        self._quality: list[str] = []
+
+    @property
+    def samples(self) -> int:
+        """Samples taken so far."""
+        return int(self._state[41])
+
+    def update(self, chunk: ImuRecord) -> Aligner:
+        """Take a chunk that follows the last one; return self.
+
+        Raises
+        ------
+        InputError
+            If the chunk has not three gyros and three accelerometers, or does not follow.
+        """
+        if not len(chunk):
+            return self
+        if chunk.dtheta.shape[1] != 3 or chunk.dvel.shape[1] != 3:
+            raise InputError(
+                "an alignment needs three gyros and three accelerometers, got "
+                f"{chunk.dtheta.shape[1]} and {chunk.dvel.shape[1]}"
+            )
+        if not self._subsamples:
+            self._open(chunk)
+        elif chunk.time[0] <= self._tail[0][-1]:
+            raise InputError(
+                f"a chunk starts at t = {chunk.time[0]:.9g} s, not after the last sample "
+                f"({self._tail[0][-1]:.9g} s)"
+            )
+        self._tracking.track(
+            self._state, self._nodes, self._subsamples, *self._flags,
+            chunk.time, chunk.dt, chunk.dtheta, chunk.dvel,
+        )  # fmt: skip
+        self._summariser.push(chunk)
+        last = (np.concatenate([a, b[-4:]])[-4:] for a, b in zip(
+            self._tail, (chunk.time, chunk.dt), strict=True
+        ))  # fmt: skip
+        self._tail = (next(last), next(last))
+        if chunk.quality is not None:
+            self._quality = chunk.quality.warnings()
+        return self
+
+    def _open(self, chunk: ImuRecord) -> None:
+        self._name = chunk.name
+        # A corrected increment leaves nothing for several samples to correct.
+        self._flags = (float(not chunk.coning_corrected), float(not chunk.sculling_corrected))
+        wanted = self.method.subsamples if isinstance(self.method, Inertial) else None
+        if wanted is None:
+            # By the first interval alone, so that chunking cannot matter.
+            rate = 1.0 / float(chunk.dt[0])
+            wanted = 1 + (rate >= 400) + (rate >= 1000) + (rate >= 2000)
+            if chunk.coning_corrected and chunk.sculling_corrected:
+                wanted = 1
+        self._subsamples = int(wanted)
+
+    def history(self) -> History:
+        """Return the pass so far, with the samples that wait for a full update worked in."""
+        from schuler.kernels.tracking import ROW
+
+        waiting = int(self._state[48])
+        if not waiting:
+            return History.from_state(self._state, self._nodes)
+        state, nodes = self._state.copy(), self._nodes.copy()
+        rows = state[49 : 49 + 6 * waiting].reshape(waiting, 6).copy()
+        counted = state[30:ROW].copy()
+        total = state[41]
+        state[48] = 0.0
+        self._tracking.track(
+            state, nodes, 1, *self._flags,
+            self._tail[0][-waiting:], self._tail[1][-waiting:],
+            np.ascontiguousarray(rows[:, :3]), np.ascontiguousarray(rows[:, 3:]),
+        )  # fmt: skip
+        # The plain sums had these samples already.
+        state[30:ROW] = counted
+        state[41] = total
+        return History.from_state(state, nodes)
+
+    def solution(self) -> Alignment:
+        """Return the alignment of all that has been taken.
+
+        Raises
+        ------
+        InputError
+            If there are too few samples, the vectors do not fix an attitude, or the force is not
+            gravity by far (a wrong unit, named).
+        """
+        if not self.samples:
+            raise InputError("the record has no samples to align")
+        h = self.history()
+        summary = self._summariser.summary()
+        gyro_bias = self.spec.gyro.bias if self.spec else 0.0
+        hints = summary.hints(self.site, gyro_bias)
+        ratio = summary.mean_force_norm / self.site.gravity
+        if hints and not 0.9 < ratio < 1.1:
+            raise InputError(f"{self._name}: {hints[0]} (an alignment needs the force at rest)")
+        found = estimate(h, self.site, self.method, self.spec, self.at == "end")
+        warnings = [*self._quality, *hints]
+        bound = None
+        if self.spec is None:
+            warnings.append(_BIAS_MISSING)
+        else:
+            bound = limit(self.spec, self.site, h.duration, summary.interval)
+            if found.noise_ratio is not None and found.noise_ratio < _QUIET:
+                warnings.append(
+                    f"the record has {found.noise_ratio:.2g} times the noise power of the "
+                    f"specification '{self.spec.name}': the instrument is better than that, and "
+                    "sigma too large"
+                )
+        sigma = float(np.sqrt(found.covariance[2, 2])) / ARCMIN
+        if sigma > 600.0:
+            warnings.append(
+                f"sigma of the heading is {sigma / 60:.0f} deg: this record, or this instrument, "
+                "cannot tell north"
+            )
+        return Alignment(
+            method=self.method,
+            site=self.site,
+            start=h.start,
+            end=float(self._tail[0][-1]),
+            samples=self.samples,
+            at=self.at,
+            quaternion=matrix_to_quat(found.attitude),
+            covariance=found.covariance,
+            budget=found.budget,
+            bound=bound,
+            warnings=tuple(warnings),
+            spec=self.spec,
+            orthonormality=found.orthonormality,
+            gyro_bias=None,
+            accel_bias=None,
+            history=h,
+            summary=summary,
+            inputs={"record": self._name},
+        )
+
+
+def align(
+    record: ImuRecord,
+    site: Site,
+    method: Method | str | None = None,
+    spec: ImuSpec | str | Path | None = None,
+    *,
+    at: str = "end",
+) -> Alignment:
+    """Align a record: attitude and heading with an honest uncertainty.
+
+    Parameters
+    ----------
+    record : ImuRecord
+        A standing, possibly disturbed vehicle.
+    site : Site
+        Latitude and height.
+    method : Method or str, optional
+        `Inertial()` (centred) by default.
+    spec : ImuSpec, str or path, optional
+        The instrument, for the parts of the uncertainty that the record cannot show.
+    at : {"end", "start"}
+        The instant of the attitude.
+
+    Raises
+    ------
+    InputError
+        See `Aligner`.
+
+    Examples
+    --------
+    >>> fix = align(record, Site(34.246, 108.910, 380), spec="navigation-rlg")  # doctest: +SKIP
+    >>> print(fix)  # doctest: +SKIP
+    """
+    return Aligner(site, method, spec, at=at).update(record).solution()
+
+
+# A method that is not in the union would fall through `estimate`'s branches unseen.
+assert set(Method.__args__) == {Inertial, Analytic}

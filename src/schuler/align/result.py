@@ -1,0 +1,199 @@
+"""`Alignment`: an attitude with its covariance, budget, limit and warnings."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.align.history import History
+from schuler.align.methods import Method
+from schuler.attitude import psi_to_heading, quat_to_euler
+from schuler.constants import ARCMIN, DEG
+from schuler.earth import Site
+from schuler.record import Summary
+from schuler.sensors import ImuSpec
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+__all__ = ["AXES", "SCHEMA", "Alignment"]
+
+Array = NDArray[np.float64]
+
+SCHEMA = "schuler.alignment/1"
+AXES = ("east", "north", "up")
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """Where the body points, how sure that is, and why.
+
+    Parameters
+    ----------
+    method : Inertial or Analytic
+    site : Site
+    start, end : float
+        The span that was used, s in the record's time.
+    samples : int
+        Samples used.
+    at : {"start", "end"}
+        The instant of the attitude.
+    quaternion : (4,) float64
+        q_b^n, scalar first.
+    covariance : (3, 3) float64
+        Of phi (east, north, up), rad^2: the sum of the budget.
+    budget : dict of str to (3, 3) float64
+        Covariance by source, rad^2. Without a specification only the disturbance is in it.
+    bound : (3, 3) float64 or None
+        Cramér-Rao limit for that specification, latitude and time at rest, rad^2.
+    warnings : tuple of str
+        What a reader of the result must know.
+    spec : ImuSpec or None
+        The instrument that was assumed.
+    orthonormality : float or None
+        For the analytic method, how far the measured vectors are from the angle that latitude
+        gives, rad.
+    gyro_bias, accel_bias : (3,) float64 or None
+        Estimated biases, rad/s and m/s^2; None where the method does not estimate them.
+    history : History
+        The pass over the record.
+    summary : Summary
+        What the record looks like.
+    inputs : dict of str to str
+        What is needed to do the same again.
+    """
+
+    method: Method
+    site: Site
+    start: float
+    end: float
+    samples: int
+    at: str
+    quaternion: Array
+    covariance: Array
+    budget: dict[str, Array]
+    bound: Array | None
+    warnings: tuple[str, ...]
+    spec: ImuSpec | None
+    orthonormality: float | None
+    gyro_bias: Array | None
+    accel_bias: Array | None
+    history: History = field(repr=False)
+    summary: Summary = field(repr=False)
+    inputs: dict[str, str] = field(default_factory=dict, repr=False)
+
+    @property
+    def time(self) -> float:
+        """The instant of the attitude, s in the record's time."""
+        return self.end if self.at == "end" else self.start
+
+    @property
+    def duration(self) -> float:
+        """Length of the span, s."""
+        return self.end - self.start
+
+    @property
+    def rotation(self) -> Rotation:
+        """C_b^n as a `scipy.spatial.transform.Rotation`."""
+        from schuler.attitude import to_scipy
+
+        return to_scipy(self.quaternion)
+
+    @property
+    def heading_deg(self) -> float:
+        """Heading, clockwise from north in [0, 360), deg."""
+        return float(psi_to_heading(quat_to_euler(self.quaternion)[0])) / DEG
+
+    @property
+    def pitch_deg(self) -> float:
+        """Pitch, deg."""
+        return float(quat_to_euler(self.quaternion)[1]) / DEG
+
+    @property
+    def roll_deg(self) -> float:
+        """Roll, deg."""
+        return float(quat_to_euler(self.quaternion)[2]) / DEG
+
+    @property
+    def sigma_arcmin(self) -> Array:
+        """1-sigma of phi, east, north, up, arcmin, (3,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)) / ARCMIN)
+
+    @property
+    def limit_arcmin(self) -> Array | None:
+        """Cramér-Rao limit of phi, east, north, up, arcmin, (3,)."""
+        return None if self.bound is None else np.asarray(np.sqrt(np.diag(self.bound)) / ARCMIN)
+
+    @property
+    def budget_arcmin2(self) -> dict[str, float]:
+        """Variance of phi_U by source, arcmin^2."""
+        return {name: float(cov[2, 2]) / ARCMIN**2 for name, cov in self.budget.items()}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result with the keys of the JSON schema `schuler.alignment/1`."""
+
+        def named(values: Array | None) -> dict[str, float] | None:
+            if values is None:
+                return None
+            return {axis: float(v) for axis, v in zip(AXES, values, strict=True)}
+
+        def plain(values: Array | None, unit: float) -> list[float] | None:
+            return None if values is None else [float(v) / unit for v in values]
+
+        from schuler.constants import DEG_PER_HOUR, MICRO_G
+
+        return {
+            "schema": SCHEMA,
+            "method": str(self.method),
+            "time": {
+                "start": self.start,
+                "end": self.end,
+                "duration_s": self.duration,
+                "samples": self.samples,
+            },
+            "heading_deg": self.heading_deg,
+            "pitch_deg": self.pitch_deg,
+            "roll_deg": self.roll_deg,
+            "quaternion_wxyz": [float(v) for v in self.quaternion],
+            "sigma_arcmin": named(self.sigma_arcmin),
+            "limit_arcmin": named(self.limit_arcmin),
+            "budget_arcmin2": self.budget_arcmin2,
+            "gyro_bias_deg_h": plain(self.gyro_bias, DEG_PER_HOUR),
+            "accel_bias_ug": plain(self.accel_bias, MICRO_G),
+            "warnings": list(self.warnings),
+        }
+
+    def to_json(self) -> str:
+        """Return the result as JSON text."""
+        return json.dumps(self.to_dict(), indent=2, allow_nan=False)
+
+    def headline(self) -> str:
+        """Return ``heading 269.40 deg ± 1.9' (limit 1.7'; 62 % gyro bias)``."""
+        inside = []
+        bound = self.limit_arcmin
+        if bound is not None:
+            inside.append(f"limit {bound[2]:.2g}'")
+        shares = self.budget_arcmin2
+        total = sum(shares.values())
+        if total > 0:
+            name = max(shares, key=lambda k: shares[k])
+            inside.append(f"{100 * shares[name] / total:.0f} % {name.replace('_', ' ')}")
+        tail = f" ({'; '.join(inside)})" if inside else ""
+        sigma = self.sigma_arcmin[2]
+        digits = max(0, 1 - int(np.floor(np.log10(max(sigma, 1e-3)))))
+        return f"heading {self.heading_deg:.3f} deg ± {sigma:.{digits}f}'{tail}"
+
+    def __str__(self) -> str:
+        east, north, _ = self.sigma_arcmin
+        lines = [
+            self.headline(),
+            f"pitch {self.pitch_deg:.4f} deg, roll {self.roll_deg:.4f} deg "
+            f"(tilt ± {east:.2g}' east, ± {north:.2g}' north)",
+            f"{self.method}, {self.duration:.6g} s, {self.samples} samples, "
+            f"attitude at the {self.at} (t = {self.time:.9g} s)",
+        ]
+        return "\n".join(lines + [f"warning: {text}" for text in self.warnings])

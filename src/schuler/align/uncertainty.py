@@ -1,0 +1,196 @@
+"""Covariance of the attitude by source, from how it answers to every error of the instrument.
+
+`Responses` holds, for each stretch of the history, how phi (east, north, up) at the wanted
+instant answers to a unit of angle or of velocity that was added to the increments in it, given
+in i0. Every noise type of the specification is then a sum over stretches:
+
+- bias: (sum of V C dt) squared;
+- white noise N: N^2 sum of V V^T dt;
+- random walk K of the bias: with the responses summed from each stretch to the end;
+- bias instability B: 1/f noise as a sum of first-order Gauss-Markov processes, log-spaced in
+  correlation time (two-sided spectrum B^2 / (2 pi f), IEEE Std 952-1997, C.1.3);
+- quantisation Q: the difference of two white errors of the integral, so its ends and the change
+  of V in between.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.align.history import History, inertial_to_local
+from schuler.align.inertial import Weights, weights
+from schuler.attitude import quat_to_matrix, skew
+from schuler.sensors import ImuSpec
+
+__all__ = ["Responses", "analytic_responses", "inertial_responses", "instrument_budget"]
+
+Array = NDArray[np.float64]
+
+BLOCKS = 256
+"""Stretches into which a history is thinned for the responses."""
+
+
+@dataclass(frozen=True, eq=False)
+class Responses:
+    """How phi in n answers to errors of the increments.
+
+    Parameters
+    ----------
+    dt : (m,) float64
+        Length of each stretch, s.
+    attitude : (m, 3, 3) float64
+        C_b^i0 in the middle of each stretch.
+    gyro, accel : (m, 3, 3) float64
+        phi per rad and per m/s of error in i0, added evenly over the stretch.
+    weights : Weights or None
+        phi in n per m/s of error of the velocity integral; None for the analytic method.
+    interval : float
+        Sampling interval, s.
+    """
+
+    dt: Array
+    attitude: Array
+    gyro: Array
+    accel: Array
+    weights: Weights | None
+    interval: float
+
+    def bias_jacobian(self, which: str) -> Array:
+        """Return d phi / d bias (3, 3), bias in body axes, for "gyro" or "accel"."""
+        v = self.gyro if which == "gyro" else self.accel
+        return np.asarray(np.einsum("iab,ibc,i->ac", v, self.attitude, self.dt))
+
+
+def middle_attitude(h: History, r: Array) -> Array:
+    """Return C_b^i0 (k-1, 3, 3) in the middle of each stretch of a history."""
+    a, b = h.quat[:-1], h.quat[1:]
+    # Neighbouring quaternions may differ in sign; their normalised mean is the middle.
+    mean = a + b * np.where(np.sum(a * b, axis=1) < 0, -1.0, 1.0)[:, None]
+    # Half a turn between instants leaves no mean: then either end serves.
+    size = np.linalg.norm(mean, axis=1)
+    mean = np.where((size > 1e-6)[:, None], mean / np.maximum(size, 1e-6)[:, None], a)
+    return np.asarray(r @ quat_to_matrix(mean))
+
+
+def inertial_responses(
+    h: History, r: Array, gravity: float, lat: float, estimator: str, at_end: bool
+) -> Responses:
+    """Return the responses of an inertial-frame estimator with the solution `r` = C_ib0^i0."""
+    h = h.thin(BLOCKS)
+    w = weights(h, gravity, lat, estimator)
+    nodal = w.nodal()
+    dg = np.diff(h.theory(gravity, lat), axis=0)
+    # An increment of stretch i is in v from node i + 1 on, half of it on average in between.
+    later = np.cumsum(nodal[::-1], axis=0)[::-1][1:]
+    accel = later
+    force = accel @ skew(dg)
+    tail = np.cumsum(force[::-1], axis=0)[::-1] - force
+    gyro = -(tail + 0.5 * force)
+    if at_end:
+        gyro = gyro - np.eye(3)
+    c = inertial_to_local(h.duration if at_end else 0.0, lat)
+    interval = h.duration / max(h.samples, 1)
+    return Responses(
+        np.diff(h.t),
+        middle_attitude(h, r),
+        c @ gyro,
+        c @ accel,
+        Weights(c @ w.point, c @ w.block),
+        interval,
+    )
+
+
+def analytic_responses(
+    h: History, c_nb: Array, gravity: float, earth_rate: Array, base: str
+) -> Responses:
+    """Return the responses of the analytic method: means over the whole record, in n."""
+    h = h.thin(BLOCKS)
+    g, (_, wn, wu) = gravity, earth_rate
+    # phi_E and phi_N level the force; phi_U points the rate (spec of the analytic method).
+    accel, gyro = np.zeros((3, 3)), np.zeros((3, 3))
+    if base == "gravity":
+        accel[0, 1], accel[1, 0] = -1.0 / g, 1.0 / g
+    else:
+        accel[1, 0] = 1.0 / g
+        # The rate is fitted exactly: the tilt about east takes its error across.
+        gyro[0, 2], gyro[0, 1] = wn / (wn**2 + wu**2), -wu / (wn**2 + wu**2)
+    accel[2, 0] = wu / (wn * g)
+    gyro[2, 0] = -1.0 / wn
+    total = h.duration
+    m = len(h) - 1
+    return Responses(
+        np.diff(h.t),
+        np.broadcast_to(c_nb, (m, 3, 3)),
+        np.broadcast_to(gyro / total, (m, 3, 3)),
+        np.broadcast_to(accel / total, (m, 3, 3)),
+        None,
+        total / max(h.samples, 1),
+    )
+
+
+def flicker_correlation(dt: Array) -> Array:
+    """Return the correlation matrix (m, m) of 1/f noise with B = 1 between stretches.
+
+    Gauss-Markov processes with correlation times from a hundredth of the shortest stretch to a
+    hundred times the record, three a decade: variance ln(ratio) / pi each.
+    """
+    t = np.cumsum(dt) - 0.5 * dt
+    steps = np.arange(np.log10(0.01 * dt.min()), np.log10(100.0 * dt.sum()), 1.0 / 3.0)
+    lag = np.abs(t[:, None] - t[None, :])
+    out = np.zeros_like(lag)
+    variance = np.log(10.0) / 3.0 / np.pi
+    x = float(dt.mean())
+    for tau in 10.0**steps:
+        out += np.exp(-lag / tau)
+        # Within a stretch the process averages: replace the diagonal by the mean over it.
+        u = x / tau
+        mean = 2.0 * (u - 1.0 + np.exp(-u)) / u**2 if u > 1e-3 else 1.0 - u / 3.0
+        out[np.diag_indices_from(out)] += mean - 1.0
+    return np.asarray(variance * out)
+
+
+def _squared(v: Array, weight: Array) -> Array:
+    return np.asarray(np.einsum("iab,icb,i->ac", v, v, weight))
+
+
+def instrument_budget(responses: Responses, spec: ImuSpec) -> dict[str, Array]:
+    """Return the covariance of phi (3, 3), rad^2, of each error source of a specification."""
+    out: dict[str, Array] = {}
+    r = responses
+    correlation: Array | None = None
+    for name, v, part in (
+        ("gyro", r.gyro, spec.gyro),
+        ("accelerometer", r.accel, spec.accelerometer),
+    ):
+        walk, drift = (
+            ("angle_random_walk", "rate_random_walk")
+            if name == "gyro"
+            else ("velocity_random_walk", "acceleration_random_walk")
+        )
+        body = v @ r.attitude
+        total = body * r.dt[:, None, None]
+        if part.bias:
+            j = total.sum(axis=0)
+            out[f"{name}_bias"] = part.bias**2 * (j @ j.T)
+        if part.white:
+            out[f"{name}_{walk}"] = part.white**2 * _squared(body, r.dt)
+        if part.quantisation:
+            change = np.diff(body, axis=0)
+            spacing = 0.5 * (r.dt[1:] + r.dt[:-1])
+            inner = _squared(change, r.interval / spacing)
+            ends = body[0] @ body[0].T + body[-1] @ body[-1].T
+            out[f"{name}_quantisation"] = part.quantisation**2 * (inner + ends)
+        if part.bias_instability:
+            if correlation is None:
+                correlation = flicker_correlation(r.dt)
+            mixed = (correlation @ total.reshape(len(total), 9)).reshape(total.shape)
+            out[f"{name}_bias_instability"] = part.bias_instability**2 * np.einsum(
+                "iab,icb->ac", total, mixed
+            )
+        if part.drift:
+            later = np.cumsum(total[::-1], axis=0)[::-1]
+            out[f"{name}_{drift}"] = part.drift**2 * _squared(later, r.dt)
+    return out

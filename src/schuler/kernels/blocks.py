@@ -1,0 +1,88 @@
+"""Sums over stretches of about a second, for what a record looks like.
+
+Table rows: 0 end time, 1 duration, 2 samples, 3-5 sum of dtheta, 6-8 sum of dvel, 9 sum of |w|^2,
+10 sum of |f|^2, 11 sum of |f|, 12 largest |w|, 13 largest |f|, 14 smallest |f|. State: 0 rows that
+are complete, 1 wanted length of a stretch (s), 2 samples, 3 sum of squared second differences of
+the angle rate, 4 the same of the force, 5 their count, 6-11 the rates one sample ago, 12-17 two
+samples ago.
+
+When the table is full, neighbours are joined and the wanted length doubles: constant memory for
+any length and any chunking.
+"""
+
+from __future__ import annotations
+
+import math
+
+from schuler.kernels._jit import kernel
+
+ROW = 15
+STATE_SIZE = 18
+CAPACITY = 8192
+
+
+@kernel
+def summarise(state, table, time, dt, dtheta, dvel):
+    """Feed a chunk of samples; row `state[0]` of the table is the stretch under way.
+
+    Parameters
+    ----------
+    state : (STATE_SIZE,) float64
+        Zero but for entry 1, the wanted length (s), at the start.
+    table : (CAPACITY, ROW) float64
+        Zero at the start.
+    time, dt, dtheta, dvel : (n,), (n,), (n, 3), (n, 3) float64
+        The samples, as in `ImuRecord`.
+    """
+    for i in range(time.shape[0]):
+        k = int(state[0])
+        r = 1.0 / dt[i]
+        w2 = 0.0
+        f2 = 0.0
+        dw2 = 0.0
+        df2 = 0.0
+        for j in range(3):
+            w, f = dtheta[i, j] * r, dvel[i, j] * r
+            table[k, 3 + j] += dtheta[i, j]
+            table[k, 6 + j] += dvel[i, j]
+            w2 += w * w
+            f2 += f * f
+            # The second difference is blind to slow motion: what is left is noise.
+            a = w - 2.0 * state[6 + j] + state[12 + j]
+            b = f - 2.0 * state[9 + j] + state[15 + j]
+            dw2 += a * a
+            df2 += b * b
+            state[12 + j], state[15 + j] = state[6 + j], state[9 + j]
+            state[6 + j], state[9 + j] = w, f
+        state[2] += 1.0
+        if state[2] > 2.0:
+            state[3] += dw2
+            state[4] += df2
+            state[5] += 1.0
+        f1 = math.sqrt(f2)
+        table[k, 14] = f1 if table[k, 2] == 0.0 else min(table[k, 14], f1)
+        table[k, 0] = time[i]
+        table[k, 1] += dt[i]
+        table[k, 2] += 1.0
+        table[k, 9] += w2
+        table[k, 10] += f2
+        table[k, 11] += f1
+        table[k, 12] = max(table[k, 12], math.sqrt(w2))
+        table[k, 13] = max(table[k, 13], f1)
+        if table[k, 1] < state[1] - 0.5 * dt[i]:
+            continue
+        k += 1
+        if k == table.shape[0]:
+            k //= 2
+            for h in range(k):
+                for c in range(1, 12):
+                    table[h, c] = table[2 * h, c] + table[2 * h + 1, c]
+                table[h, 12] = max(table[2 * h, 12], table[2 * h + 1, 12])
+                table[h, 13] = max(table[2 * h, 13], table[2 * h + 1, 13])
+                table[h, 14] = min(table[2 * h, 14], table[2 * h + 1, 14])
+                table[h, 0] = table[2 * h + 1, 0]
+            for h in range(k, table.shape[0]):
+                for c in range(table.shape[1]):
+                    table[h, c] = 0.0
+            state[1] *= 2.0
+        state[0] = k

@@ -1,0 +1,244 @@
+"""`Summary`: what a record looks like, in numbers and in words; made in one streaming pass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G, STANDARD_GRAVITY
+from schuler.earth import Site
+from schuler.errors import InputError
+from schuler.record.hints import axis_hint, force_hint, rate_hint
+from schuler.record.imu import ImuRecord
+
+__all__ = ["Stretch", "Summariser", "Summary"]
+
+Array = NDArray[np.float64]
+
+_STRETCH = 30.0
+"""Quiet and disturbed are told apart over so long (s)."""
+
+_LOUD = 4.0
+"""A stretch is disturbed when it wanders more than so many times the quiet level."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A quiet or a disturbed stretch of a record, s in the record's time."""
+
+    start: float
+    end: float
+    disturbed: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Summary:
+    """What a record looks like; SI, body axes.
+
+    Parameters
+    ----------
+    start, end : float
+        s.
+    samples : int
+        Samples.
+    interval : float
+        Mean sampling interval, s.
+    mean_rate, mean_force : (3,) float64
+        rad/s and m/s^2.
+    mean_force_norm : float
+        Mean of |f|, m/s^2.
+    noise_gyro, noise_accel : float
+        Noise of one axis from second differences, as white noise: rad/sqrt(s), m/s/sqrt(s).
+        Where rounding dominates it is larger than the random walk.
+    wander_rate : float
+        Scatter of the rate's means over about a second, one axis, rad/s.
+    stretches : tuple of Stretch
+        Quiet and disturbed, in order, without holes.
+    blocks : (k, 15) float64
+        Sums over about a second each (`schuler.kernels.blocks`).
+    """
+
+    start: float
+    end: float
+    samples: int
+    interval: float
+    mean_rate: Array
+    mean_force: Array
+    mean_force_norm: float
+    noise_gyro: float
+    noise_accel: float
+    wander_rate: float
+    stretches: tuple[Stretch, ...]
+    blocks: Array = field(repr=False)
+
+    @property
+    def duration(self) -> float:
+        """Length, s."""
+        return self.end - self.start
+
+    @property
+    def quiet_seconds(self) -> float:
+        """Time in quiet stretches, s."""
+        return float(sum(s.end - s.start for s in self.stretches if not s.disturbed))
+
+    def hints(self, site: Site | None = None, gyro_bias: float = 0.0) -> list[str]:
+        """Return what looks wrong with units and axes of a standing record, in sentences.
+
+        Parameters
+        ----------
+        site : Site, optional
+            For local gravity; standard gravity without it.
+        gyro_bias : float
+            Bias that the instrument may have (1-sigma, rad/s).
+        """
+        gravity = STANDARD_GRAVITY if site is None else site.gravity
+        spread = self.wander_rate / np.sqrt(max(self.duration, 1.0))
+        # A swing of a few degrees between the two ends is no unit error.
+        spread = float(np.hypot(spread, 1.0 * DEG / max(self.duration, 1.0)))
+        found = [
+            force_hint(self.mean_force_norm, gravity, self.interval),
+            rate_hint(float(np.linalg.norm(self.mean_rate)), self.interval, gyro_bias, spread),
+        ]
+        if found[0] is None:
+            x, y, z = (float(v) for v in self.mean_force)
+            found.append(axis_hint((x, y, z), gravity))
+        if site is not None and found[0] is None and found[1] is None:
+            found.append(self._latitude_hint(site, gyro_bias, spread))
+        return [text for text in found if text]
+
+    def _latitude_hint(self, site: Site, gyro_bias: float, spread: float) -> str | None:
+        w, f = self.mean_rate, self.mean_force
+        size = float(np.linalg.norm(w))
+        sine = float(w @ f) / (size * float(np.linalg.norm(f)))
+        own = float(np.arcsin(np.clip(sine, -1.0, 1.0))) / DEG
+        # Near a pole the arc sine is steep: compare sines, in units of what they can be off.
+        off = abs(sine - np.sin(site.latitude))
+        if off < max(0.15, 4.0 * np.hypot(gyro_bias, spread) / size):
+            return None
+        advice = (
+            "is the sign of the latitude right?"
+            if abs(sine + np.sin(site.latitude)) < 0.15
+            else "do the gyros and the accelerometers share their axes (--axes, --columns)?"
+        )
+        return (
+            f"the angle between the mean rate and the mean force says latitude {own:.1f} deg, "
+            f"not {site.lat:.1f} deg: {advice}"
+        )
+
+    def to_dict(self, site: Site | None = None) -> dict[str, object]:
+        """Return the summary in the field's units, ready for JSON."""
+        gravity = STANDARD_GRAVITY if site is None else site.gravity
+        root_hour = DEG / 60.0
+        return {
+            "schema": "schuler.info/1",
+            "time": {
+                "start": self.start,
+                "end": self.end,
+                "duration_s": self.duration,
+                "samples": self.samples,
+                "rate_hz": 1.0 / self.interval,
+            },
+            "mean_rate_deg_h": [float(v) / DEG_PER_HOUR for v in self.mean_rate],
+            "mean_rate_norm_deg_h": float(np.linalg.norm(self.mean_rate)) / DEG_PER_HOUR,
+            "mean_force_m_s2": [float(v) for v in self.mean_force],
+            "mean_force_norm_m_s2": self.mean_force_norm,
+            "gravity_m_s2": gravity,
+            "noise": {
+                "gyro_deg_sqrt_h": self.noise_gyro / root_hour,
+                "accelerometer_ug_sqrt_hz": self.noise_accel / MICRO_G,
+            },
+            "quiet_s": self.quiet_seconds,
+            "stretches": [
+                {"start": s.start, "end": s.end, "disturbed": s.disturbed} for s in self.stretches
+            ],
+        }
+
+
+class Summariser:
+    """Gather a `Summary` chunk by chunk; any chunking gives the same."""
+
+    def __init__(self) -> None:
+        from schuler.kernels import blocks
+
+        self._kernel: Callable[..., None] = blocks.summarise
+        self._state = np.zeros(blocks.STATE_SIZE)
+        self._state[1] = 1.0
+        self._table = np.zeros((blocks.CAPACITY, blocks.ROW))
+
+    def push(self, record: ImuRecord) -> None:
+        """Take a chunk of three gyros and three accelerometers."""
+        self._kernel(self._state, self._table, record.time, record.dt, record.dtheta, record.dvel)
+
+    def summary(self) -> Summary:
+        """Return the summary of what has been taken.
+
+        Raises
+        ------
+        InputError
+            If there was nothing.
+        """
+        rows = int(self._state[0])
+        table = self._table[: rows + 1] if self._table[rows, 2] > 0 else self._table[:rows]
+        if not len(table):
+            raise InputError("the record has no samples to summarise")
+        # A last stretch of a few samples is no estimate of anything: join it to the one before.
+        if len(table) > 1 and table[-1, 1] < 0.5 * table[-2, 1]:
+            joined = table[-2:].copy()
+            last = joined.sum(axis=0)
+            last[0] = joined[1, 0]
+            last[12:14] = joined[:, 12:14].max(axis=0)
+            last[14] = joined[:, 14].min()
+            table = np.vstack([table[:-2], last])
+        table = table.copy()
+        total = table.sum(axis=0)
+        count = max(self._state[5], 1.0)
+        interval = float(total[1] / total[2])
+        # Second differences of white noise have six times its variance, on three axes.
+        noise = np.sqrt(self._state[3:5] / count / 18.0 * interval)
+        rate = table[:, 3:6] / table[:, 1:2]
+        mean_rate = total[3:6] / total[1]
+        return Summary(
+            start=float(table[0, 0] - table[0, 1]),
+            end=float(table[-1, 0]),
+            samples=int(total[2]),
+            interval=interval,
+            mean_rate=mean_rate,
+            mean_force=total[6:9] / total[1],
+            mean_force_norm=float(total[11] / total[2]),
+            noise_gyro=float(noise[0]),
+            noise_accel=float(noise[1]),
+            wander_rate=float(np.sqrt(np.mean((rate - mean_rate) ** 2))),
+            stretches=_stretches(table),
+            blocks=table,
+        )
+
+
+def _wander(table: Array, columns: slice, group: int) -> Array:
+    """Return how far second means move from one to the next, rms over groups of rows."""
+    mean = table[:, columns] / table[:, 1:2]
+    step = np.sum(np.diff(mean, axis=0) ** 2, axis=1)
+    step = np.append(step, step[-1] if len(step) else 0.0)
+    starts = np.arange(0, len(step), group)
+    size = np.diff(np.append(starts, len(step)))
+    return np.asarray(np.sqrt(np.add.reduceat(step, starts) / size))
+
+
+def _stretches(table: Array) -> tuple[Stretch, ...]:
+    """Tell quiet from disturbed stretches: by the quietest tenth of the record itself."""
+    group = max(1, round(_STRETCH / float(np.median(table[:, 1]))))
+    disturbed = np.zeros(len(np.arange(0, len(table), group)), bool)
+    for columns in (slice(3, 6), slice(6, 9)):
+        wander = _wander(table, columns, group)
+        disturbed |= wander > _LOUD * np.quantile(wander, 0.1) + 1e-300
+    out: list[Stretch] = []
+    begin = table[:, 0] - table[:, 1]
+    for k, flag in enumerate(disturbed):
+        end = float(table[min((k + 1) * group, len(table)) - 1, 0])
+        if out and out[-1].disturbed == bool(flag):
+            out[-1] = Stretch(out[-1].start, end, bool(flag))
+        else:
+            out.append(Stretch(float(begin[k * group]), end, bool(flag)))
+    return tuple(out)
