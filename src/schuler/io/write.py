@@ -91,7 +91,10 @@ def _write_parquet(record: ImuRecord, path: Path, about: str) -> None:
     from pyarrow import parquet
 
     table = _table(record).replace_schema_metadata({"schuler": about})
-    parquet.write_table(table, path, compression="zstd", row_group_size=1 << 18)
+    # Measured values hardly repeat: a dictionary of them only costs.
+    parquet.write_table(
+        table, path, compression="zstd", use_dictionary=False, row_group_size=1 << 18
+    )
 
 
 def _write_csv(record: ImuRecord, path: Path, about: str) -> None:
