@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -85,6 +86,14 @@ class Alignment:
     history: History = field(repr=False)
     summary: Summary = field(repr=False)
     inputs: dict[str, str] = field(default_factory=dict, repr=False)
+
+    def noting(self, warnings: Iterable[str], inputs: dict[str, str]) -> Alignment:
+        """Return the same result with warnings put first and inputs added."""
+        return replace(
+            self,
+            warnings=(*warnings, *self.warnings),
+            inputs={**self.inputs, **inputs},
+        )
 
     @property
     def time(self) -> float:

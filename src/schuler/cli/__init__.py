@@ -1,0 +1,80 @@
+"""The command line: a map of commands, each imported when it is called."""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib import import_module
+
+import click
+
+from schuler import __version__
+from schuler.errors import SchulerError
+
+__all__ = ["cli", "main"]
+
+#: command -> (module, what `schuler --help` says of it)
+_COMMANDS = {
+    "info": ("schuler.cli.info", "Look at a record: rate, gravity, Earth rate, noise, hints."),
+    "align": ("schuler.cli.align", "Find north: heading, pitch and roll with their uncertainty."),
+    "demo": ("schuler.cli.demo", "Align a simulated truck and compare with the truth."),
+}
+
+
+class _LazyGroup(click.Group):
+    """A group that imports a command only when it is called or asked for help."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        if name not in _COMMANDS:
+            return None
+        command: click.Command = import_module(_COMMANDS[name][0]).command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in _COMMANDS.items()])
+
+
+@click.command(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="schuler")
+def cli() -> None:
+    r"""Inertial alignment, calibration and error control.
+
+    From a raw record of gyros and accelerometers to true north, with an honest uncertainty.
+
+    \b
+      schuler info truck.csv --gyro deg/s --accel g      is this record what I think it is?
+      schuler align truck.csv --lat 34.2 --report r.html  where is north?
+      schuler demo                                        try it without a record
+    """
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line; every foreseen error is one sentence and exit code 2."""
+    try:
+        code = cli.main(args=arguments, prog_name="schuler", standalone_mode=False)
+    except SchulerError as error:
+        _stop(str(error), 2)
+    except click.UsageError as error:
+        hint = f" (see {error.ctx.command_path} --help)" if error.ctx else ""
+        _stop(f"{error.format_message().rstrip('.')}{hint}", 2)
+    except click.ClickException as error:
+        _stop(error.format_message(), 2)
+    except (click.Abort, KeyboardInterrupt):
+        _stop("stopped", 130)
+    except BrokenPipeError:
+        # The reader of our output has gone; nothing is left to say, and no one to say it to.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(141)
+    except MemoryError:
+        _stop("there is not enough memory for this; cut the record with --start and --stop", 2)
+    else:
+        sys.exit(code if isinstance(code, int) else 0)
+
+
+def _stop(text: str, code: int) -> None:
+    click.echo(f"schuler: {' '.join(text.split())}", err=True)
+    sys.exit(code)

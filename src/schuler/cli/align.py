@@ -1,0 +1,198 @@
+"""The command ``schuler align``: where is north."""
+
+from __future__ import annotations
+
+import sys
+import time as clock
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from schuler import __version__
+from schuler.cli.common import (
+    Seconds,
+    emit_json,
+    file_options,
+    open_file,
+    progress,
+    say_warnings,
+    site_options,
+    site_or_none,
+)
+from schuler.errors import InputError
+
+if TYPE_CHECKING:
+    from schuler.align import Alignment, Windows
+    from schuler.align.aligner import Aligner
+    from schuler.io import Source
+
+__all__ = ["command"]
+
+
+@click.command("align", context_settings={"help_option_names": ["-h", "--help"]})
+@file_options
+@site_options
+@click.option(
+    "--method",
+    metavar="NAME",
+    default="centred",
+    show_default=True,
+    help="centred, wahba, integral-triad, instants-triad, analytic or analytic-earth-rate.",
+)
+@click.option(
+    "--spec",
+    metavar="GRADE|TOML",
+    help="The instrument: navigation-rlg, navigation-fog, tactical-fog, industrial-mems or a file.",
+)
+@click.option(
+    "--at",
+    type=click.Choice(["end", "start"]),
+    default="end",
+    show_default=True,
+    help="The instant of the attitude.",
+)
+@click.option("--windows", type=Seconds(), help="Align each window of this length as well.")
+@click.option("--follow", is_flag=True, help="Read on while the file (or - ) grows, live.")
+@click.option("--idle", type=Seconds(), help="With --follow: end after so long without data.")
+@click.option("--json", "json_to", metavar="OUT", help="Write the result as JSON (- : here).")
+@click.option("--report", "report_to", metavar="OUT.html", help="Write an interactive report.")
+def command(**options: Any) -> None:
+    r"""Find the heading, pitch and roll of a standing vehicle from FILE (- : standard input).
+
+    \b
+      schuler align truck.imu --lat 34.246 --lon 108.91 --height 380
+      schuler align truck.csv --gyro deg/s --accel g --axes FRD --lat 48.1 --report truck.html
+      schuler align truck.imu --spec navigation-rlg --windows 100s --at start --json -
+    """
+    from schuler.align import Aligner, align_windows
+
+    method, spec, at = (options.pop(key) for key in ("method", "spec", "at"))
+    window, follow, idle = (options.pop(key) for key in ("windows", "follow", "idle"))
+    json_to, report_to = options.pop("json_to"), options.pop("report_to")
+    start, stop = options.pop("start"), options.pop("stop")
+    if follow and (window is not None or start is not None or stop is not None):
+        raise InputError("--follow aligns all that comes: leave out --windows, --start and --stop")
+    if idle is not None and not follow:
+        raise InputError("--idle goes with --follow")
+    source = open_file(options)
+    site = site_or_none(options, source)
+    if site is None:
+        raise InputError("the latitude is needed to find north: say --lat (and --height)")
+    _check_outputs(json_to, report_to)
+
+    aligner = Aligner(site, method, spec, at=at)
+    windows: Windows | None = None
+    if follow:
+        fix = _follow(source, aligner, idle, quiet=json_to == "-")
+    else:
+        with progress(source, source.chunks(start=start, stop=stop)) as chunks:
+            if window is not None:
+                windows = align_windows(chunks, site, window, method, aligner.spec, at=at)
+                fix = windows.whole
+            else:
+                for chunk in chunks:
+                    aligner.update(chunk)
+                fix = aligner.solution()
+    fix = _with_source(fix, source, spec)
+    if windows is not None:
+        windows = type(windows)(fix, windows.length, windows.each)
+    if json_to is not None:
+        emit_json((windows or fix).to_dict(), json_to)
+    if report_to is not None:
+        from schuler.report import report
+
+        report(windows or fix, report_to)
+    if json_to != "-":
+        _print(fix, windows)
+    say_warnings(fix.warnings)
+
+
+def _check_outputs(*targets: str | None) -> None:
+    """Refuse an output that cannot be written before the work, not after it."""
+    from pathlib import Path
+
+    for target in targets:
+        if target in (None, "-"):
+            continue
+        path = Path(str(target))
+        if path.is_dir():
+            raise InputError(f"{path}: is a folder; name a file in it")
+        if not path.parent.is_dir():
+            raise InputError(f"{path}: there is no folder '{path.parent}' to write it to")
+
+
+def _with_source(fix: Alignment, source: Source, spec: str | None) -> Alignment:
+    """Add what the reader knows: what was read as what, and what was found in the rows."""
+    quality = source.quality
+    site = fix.site
+    inputs = {
+        "file": str(source.path),
+        "format": source.format,
+        "read as": source.meaning,
+        "span": f"{fix.start:.9g} to {fix.end:.9g} s",
+        "latitude": f"{site.lat:.7g} deg",
+        "longitude": f"{site.lon:.7g} deg",
+        "height": f"{site.height:g} m",
+        "gravity": f"{site.gravity:.6f} m/s^2",
+        "method": repr(fix.method),
+        "attitude at": f"{fix.at} (t = {fix.time:.9g} s)",
+        "specification": "none" if fix.spec is None else fix.spec.name,
+        "schuler": __version__,
+    }
+    if fix.spec is not None:
+        for part, values in fix.spec.describe().items():
+            for name, value in values.items():
+                inputs[f"{part} {name.replace('_', ' ')}"] = value
+    inputs.update({f"note {k}": note for k, note in enumerate(source.notes, 1)})
+    return fix.noting(quality.warnings() if quality else (), inputs)
+
+
+def _print(fix: Alignment, windows: Windows | None) -> None:
+    """Print the result for people: plain lines, nothing else."""
+    if windows is not None:
+        click.echo(f"{'start s':>10}  {'end s':>10}  {'heading deg':>11}  {'pitch deg':>9}  "
+                   f"{'roll deg':>9}  {'sigma':>8}")  # fmt: skip
+        for w in windows.each:
+            click.echo(
+                f"{w.start:10.2f}  {w.end:10.2f}  {w.heading_deg:11.4f}  {w.pitch_deg:9.4f}  "
+                f"{w.roll_deg:9.4f}  {w.sigma_arcmin[2]:7.2f}'"
+            )
+        click.echo(str(windows))
+        click.echo("whole span:")
+    click.echo(str(fix).split("\nwarning: ")[0])
+    shares = sorted(fix.budget_arcmin2.items(), key=lambda item: -item[1])
+    parts = ", ".join(f"{name.replace('_', ' ')} {value**0.5:.2g}'" for name, value in shares)
+    click.echo(f"heading budget (1 sigma): {parts}")
+
+
+def _follow(source: Source, aligner: Aligner, idle: float | None, quiet: bool) -> Alignment:
+    """Align while data come; show heading and sigma live, and end by --idle or Ctrl-C."""
+    last = 0.0
+    live = sys.stdout.isatty() and not quiet
+    try:
+        for chunk in source.follow(idle=idle):
+            aligner.update(chunk)
+            if clock.monotonic() - last < 0.5:
+                continue
+            last = clock.monotonic()
+            try:
+                fix = aligner.solution()
+            except InputError:
+                # Too few samples yet, or (for seconds only) no attitude in them.
+                if aligner.samples > 1000:
+                    raise
+                continue
+            line = (
+                f"{fix.duration:9.1f} s  heading {fix.heading_deg:9.4f} deg "
+                f"± {fix.sigma_arcmin[2]:.3g}'"
+            )
+            if live:
+                click.echo(f"\r\x1b[K{line}", nl=False)
+            else:
+                click.echo(line, err=quiet)
+    except KeyboardInterrupt:
+        # The way to end a live alignment: the result so far is wanted.
+        pass
+    if live:
+        click.echo()
+    return aligner.solution()

@@ -1,0 +1,223 @@
+"""What several commands share: options for files, places and times; writing; progress."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from schuler.errors import InputError
+
+if TYPE_CHECKING:
+    from schuler.earth import Site
+    from schuler.io import Source
+    from schuler.record import ImuRecord
+
+__all__ = [
+    "Seconds",
+    "emit_json",
+    "file_options",
+    "open_file",
+    "progress",
+    "say_warnings",
+    "site_options",
+    "site_or_none",
+]
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_MAPPING_KEYS = (
+    "columns", "gyro", "accel", "time", "mean_rates", "axes", "rate", "start_time",
+    "coning_corrected", "sculling_corrected", "delimiter", "comment", "decimal", "skip_rows",
+    "header", "variables",
+)  # fmt: skip
+
+
+class Seconds(click.ParamType):
+    """A time: ``100``, ``100s``, ``5min``, ``0.5 h``."""
+
+    name = "time"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> float:
+        """Return the time in seconds."""
+        from schuler.units import parse
+
+        if isinstance(value, float | int):
+            return float(value)
+        try:
+            number = float(value)
+        except ValueError:
+            label = param.opts[0] if param is not None else "time"
+            return parse(str(value), "time", label)
+        if number != number or number in (float("inf"), float("-inf")):
+            self.fail(f"'{value}' is not a finite time", param, ctx)
+        return number
+
+
+def _stack(options: list[Callable[[Any], Any]]) -> Callable[[F], F]:
+    def decorate(function: F) -> F:
+        for option in reversed(options):
+            function = option(function)
+        return function
+
+    return decorate
+
+
+#: the file and everything that says what is in it
+file_options = _stack(
+    [
+        click.argument("file"),
+        click.option(
+            "--columns", metavar="NAMES",
+            help="Columns for t,gx,gy,gz,ax,ay,az: names, numbers from 1, or _ to pass one over.",
+        ),
+        click.option(
+            "--gyro", metavar="UNIT",
+            help="Unit of the gyros: rad/s, deg/s, deg/h ... are rates, rad, deg, '0.1 arcsec' "
+            "... increments.",
+        ),
+        click.option(
+            "--accel", metavar="UNIT",
+            help="Unit of the accelerometers: m/s^2, g, mg ... are rates, m/s, g*s ... increments.",
+        ),
+        click.option("--time", metavar="UNIT", help="Unit of the time column (s)."),
+        click.option(
+            "--axes", metavar="XYZ",
+            help="Where x, y, z point: RFU (the default), FRD, FLU, or '-y,x,z'.",
+        ),
+        click.option(
+            "--mean-rates/--instantaneous-rates", "mean_rates", default=None,
+            help="Rates are means over the interval that ends at the row, or instantaneous.",
+        ),
+        click.option(
+            "--rate", metavar="HZ", help="Sampling rate; replaces the time column.",
+        ),
+        click.option("--start-time", metavar="S", help="Time of the first row, with --rate."),
+        click.option(
+            "--coning-corrected/--no-coning-corrected", default=None,
+            help="Whether the instrument has corrected its angle increments for coning.",
+        ),
+        click.option(
+            "--sculling-corrected/--no-sculling-corrected", default=None,
+            help="Whether the instrument has corrected its velocity increments for sculling.",
+        ),
+        click.option("--delimiter", metavar="CHAR", help="What separates cells of a text file."),
+        click.option("--comment", metavar="CHAR", help="What starts a comment in a text file."),
+        click.option("--decimal", metavar="CHAR", help="Decimal mark of a text file."),
+        click.option("--skip-rows", metavar="N", help="Lines of a text file to pass over first."),
+        click.option(
+            "--header/--no-header", default=None, help="Whether a text file names its columns.",
+        ),
+        click.option(
+            "--variables", metavar="NAMES", help="Arrays of a .mat or .npz: gyro=w,accel=f,time=t.",
+        ),
+        click.option(
+            "--mapping", type=click.Path(), metavar="TOML",
+            help="A file that says all of the above; FILE.toml beside FILE is found by itself.",
+        ),
+        click.option(
+            "--save-mapping", is_flag=True,
+            help="Write what was said into FILE.toml, so that it is typed once.",
+        ),
+        click.option("--max-gap", type=Seconds(), help="Longest gap that is bridged."),
+        click.option("--start", type=Seconds(), help="Use the record from this time on."),
+        click.option("--stop", type=Seconds(), help="Use the record up to this time."),
+    ]
+)  # fmt: skip
+
+#: where the vehicle stands
+site_options = _stack(
+    [
+        click.option("--lat", type=float, metavar="DEG", help="Latitude, north positive."),
+        click.option("--lon", type=float, metavar="DEG", help="Longitude (not needed for north)."),
+        click.option("--height", type=float, metavar="M", help="Height above the ellipsoid."),
+    ]
+)
+
+
+def open_file(options: dict[str, Any]) -> Source:
+    """Open the file of `file_options`, taking its options out of the dictionary."""
+    from schuler.io import Mapping, open_source
+
+    said = {key: options.pop(key) for key in _MAPPING_KEYS}
+    path, save = options.pop("file"), options.pop("save_mapping")
+    mapping = options.pop("mapping")
+    base = Mapping.from_toml(mapping) if mapping else None
+    given = (base or Mapping()).merged(Mapping.from_cli(**said))
+    source = open_source(path, given, max_gap=options.pop("max_gap"))
+    if save:
+        if str(path) == "-":
+            raise InputError("--save-mapping: standard input has no place to save it beside")
+        given.to_toml(f"{path}.toml")
+    return source
+
+
+def site_or_none(options: dict[str, Any], source: Source | None = None) -> Site | None:
+    """Return the site of `site_options`, or of the file's header, or None."""
+    from schuler.earth import Site
+
+    lat, lon, height = (options.pop(key) for key in ("lat", "lon", "height"))
+    if lat is None and source is not None and source.position is not None:
+        found = source.position
+        source.notes.append(
+            f"the position is the file's own: {found[0]:.6f} N, {found[1]:.6f} E, {found[2]:g} m"
+        )
+        return Site(
+            found[0], found[1] if lon is None else lon, found[2] if height is None else height
+        )
+    if lat is None:
+        if lon is not None or height is not None:
+            raise InputError("a place needs its latitude: say --lat")
+        return None
+    return Site(lat, lon or 0.0, height or 0.0)
+
+
+@contextmanager
+def progress(source: Source, chunks: Iterable[ImuRecord]) -> Iterator[Iterator[ImuRecord]]:
+    """Pass chunks on, with a bar on standard error when a person watches and it takes long."""
+    if not sys.stderr.isatty() or (source.size or 0) < 30_000_000:
+        yield iter(chunks)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    with Progress(
+        TextColumn("reading"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    ) as bar:
+        task = bar.add_task("reading", total=1.0)
+
+        def watched() -> Iterator[ImuRecord]:
+            for chunk in chunks:
+                yield chunk
+                bar.update(task, completed=source.progress)
+
+        yield watched()
+
+
+def emit_json(data: dict[str, Any], target: str) -> None:
+    """Write JSON to a file, or to standard output for ``-``."""
+    import json
+
+    text = json.dumps(data, indent=2, allow_nan=False) + "\n"
+    if target == "-":
+        click.echo(text, nl=False)
+        return
+    from schuler._files import replacing
+
+    with replacing(Path(target)) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def say_warnings(texts: Iterable[str]) -> None:
+    """Print warnings to standard error."""
+    for text in texts:
+        click.echo(f"warning: {text}", err=True)

@@ -1,0 +1,99 @@
+"""The command ``schuler info``: what a record looks like."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from schuler.cli.common import (
+    emit_json,
+    file_options,
+    open_file,
+    progress,
+    say_warnings,
+    site_options,
+    site_or_none,
+)
+
+if TYPE_CHECKING:
+    from schuler.io import Source
+    from schuler.record import Summary
+
+__all__ = ["command"]
+
+
+@click.command("info", context_settings={"help_option_names": ["-h", "--help"]})
+@file_options
+@site_options
+@click.option("--json", "json_to", metavar="OUT", help="Write the summary as JSON (- : here).")
+def command(**options: Any) -> None:
+    """Summarise FILE: rate, jitter, gravity, Earth rate, noise, quiet and disturbed stretches.
+
+    Units and axes that look wrong are said, with what would fit.
+    """
+    from schuler.record import Summariser
+
+    json_to = options.pop("json_to")
+    start, stop = options.pop("start"), options.pop("stop")
+    source = open_file(options)
+    site = site_or_none(options, source)
+    summariser = Summariser()
+    with progress(source, source.chunks(start=start, stop=stop)) as chunks:
+        for chunk in chunks:
+            summariser.push(chunk)
+    summary = summariser.summary()
+    quality = source.quality
+    warnings = [*(quality.warnings() if quality else ()), *summary.hints(site)]
+    if json_to is not None:
+        data = {
+            **summary.to_dict(site),
+            "file": str(source.path),
+            "format": source.format,
+            "read_as": source.meaning,
+            "notes": list(source.notes),
+            "jitter_rms_s": quality.jitter_rms if quality else 0.0,
+            "gaps": quality.gaps if quality else 0,
+            "longest_gap_s": quality.longest_gap if quality else 0.0,
+            "dropped_rows": quality.not_finite + quality.repeated if quality else 0,
+            "warnings": warnings,
+        }
+        emit_json(data, json_to)
+    if json_to != "-":
+        _print(source, summary, site)
+    say_warnings(warnings)
+
+
+def _print(source: Source, summary: Summary, site: Any) -> None:
+    from schuler.constants import STANDARD_GRAVITY
+
+    d: Any = summary.to_dict(site)
+    q = source.quality
+    time, noise = d["time"], d["noise"]
+    gravity = "local gravity" if site is not None else "standard gravity"
+    value = site.gravity if site is not None else STANDARD_GRAVITY
+    rows = [
+        ("file", f"{source.path} ({source.format})"),
+        ("read as", source.meaning),
+        *(("note", note) for note in source.notes),
+        ("samples", f"{time['samples']}, {time['start']:.9g} to {time['end']:.9g} s "
+                    f"({time['duration_s']:.6g} s)"),
+        ("rate", f"{time['rate_hz']:.6g} Hz, jitter {1e3 * (q.jitter_rms if q else 0):.3g} ms rms"),
+        ("mean |f|", f"{d['mean_force_norm_m_s2']:.6f} m/s^2 "
+                     f"({1e6 * (d['mean_force_norm_m_s2'] / value - 1):+.0f} ppm of {gravity})"),
+        ("mean |w|", f"{d['mean_rate_norm_deg_h']:.4f} deg/h (the Earth turns at 15.0411)"),
+        ("mean f", "  ".join(f"{v:+.5f}" for v in d["mean_force_m_s2"]) + " m/s^2 (x, y, z)"),
+        ("mean w", "  ".join(f"{v:+.4f}" for v in d["mean_rate_deg_h"]) + " deg/h (x, y, z)"),
+        ("noise", f"gyro {noise['gyro_deg_sqrt_h']:.3g} deg/sqrt(h), accelerometer "
+                  f"{noise['accelerometer_ug_sqrt_hz']:.3g} ug/sqrt(Hz) (sample to sample, "
+                  "rounding included)"),
+        ("quiet", f"{d['quiet_s']:.6g} s of {time['duration_s']:.6g} s"),
+        *(
+            ("disturbed", f"{s['start']:.6g} to {s['end']:.6g} s")
+            for s in d["stretches"] if s["disturbed"]
+        ),
+    ]  # fmt: skip
+    seen = ""
+    for name, text in rows:
+        click.echo(f"{name if name != seen else '':>10}  {text}")
+        seen = name
