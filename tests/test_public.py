@@ -35,6 +35,15 @@ def test_every_public_name_resolves():
     assert set(schuler.__all__) <= set(dir(schuler))
 
 
+def test_every_public_name_can_be_called_whatever_was_imported_first(run_python):
+    # Importing the room `schuler.align` binds its name in the package, over the function's.
+    code = (
+        "import schuler, schuler.align, schuler.report, schuler.io, schuler.simulate;"
+        "print([n for n in schuler.__all__ if n[0] != '_' and not callable(getattr(schuler, n))])"
+    )
+    assert run_python(code) == "[]"
+
+
 def test_an_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="module 'schuler' has no attribute 'allign'"):
         _ = schuler.allign
