@@ -41,12 +41,24 @@ def _cache_folder() -> str:
 CACHE_FOLDER = _cache_folder()
 
 
+def _writable(folder: str) -> bool:
+    try:
+        os.makedirs(folder, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK)
+
+
+# Without a folder of its own, Numba would cache beside the sources, where old code can come back.
+_CACHE = _writable(CACHE_FOLDER)
+
+
 def kernel(function: F) -> F:
     """Compile a function with `numba.njit`, cached in schuler's own folder."""
     before = config.CACHE_DIR
     config.CACHE_DIR = CACHE_FOLDER
     try:
-        compiled: F = numba.njit(cache=True, error_model="numpy")(function)
+        compiled: F = numba.njit(cache=_CACHE, error_model="numpy")(function)
     finally:
         config.CACHE_DIR = before
     return compiled
