@@ -62,7 +62,7 @@ class NpzReader:
                     return from_arrays(names, load, mapping)
                 own = _own(load("schuler"))
                 rest = [name for name in names if name != "schuler"]
-                content = from_arrays(rest, load, mapping)
+                content = from_arrays(rest, load, Mapping())
         content.said = own_mapping(own)
         content.name = str(own["name"]) if "name" in own else None
         content.complete = True

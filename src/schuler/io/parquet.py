@@ -38,7 +38,7 @@ class ParquetReader:
         except (pa.ArrowException, OSError) as error:
             raise _damaged(error) from None
         own = _own(schema.metadata)
-        chosen = choose(schema.names, len(schema.names), mapping)
+        chosen = choose(schema.names, len(schema.names), Mapping() if own else mapping)
         for i in chosen.all:
             kind = schema.types[i]
             if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or _decimal(kind)):

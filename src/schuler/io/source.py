@@ -78,7 +78,9 @@ class Source:
             given, folder, notes, self.size, head = self._look(mapping or Mapping())
             reader = find_reader(self.path, head)
             self.format = reader.name
-            opened = reader.open(self.path, folder.merged(given))
+            # The folder's units are for files that state none: the reader must not see them.
+            plain = replace(folder, gyro=None, accel=None, time=None)
+            opened = reader.open(self.path, plain.merged(given))
             content = opened if isinstance(opened, Content) else _wrap(opened)
             self._meaning = settle(content, given, folder)
             self._new_intake(content)  # refuses a bad max_gap now
@@ -348,31 +350,21 @@ def _wrap(opened: Any) -> Content:
 
 
 def prefetch(blocks: Iterator[Block]) -> Iterator[Block]:
-    """Yield the same blocks while a thread makes the next one."""
-    ready: queue.Queue[tuple[Block | None, BaseException | None]] = queue.Queue(maxsize=1)
+    """Yield the same blocks while a thread makes the next one, and only that one."""
+    ready: queue.SimpleQueue[tuple[Block | None, BaseException | None]] = queue.SimpleQueue()
+    wanted = threading.Semaphore(1)
     closed = threading.Event()
-
-    def put(item: tuple[Block | None, BaseException | None]) -> bool:
-        while not closed.is_set():
-            try:
-                ready.put(item, timeout=0.1)
-            except queue.Full:
-                continue
-            return True
-        return False
 
     def work() -> None:
         try:
-            for block in blocks:
-                if not put((block, None)):
+            while wanted.acquire() and not closed.is_set():
+                block = next(blocks, None)
+                ready.put((block, None))
+                if block is None:
                     return
-            put((None, None))
+                del block
         except BaseException as error:
-            put((None, error))
-        finally:
-            close = getattr(blocks, "close", None)
-            if close is not None:
-                close()
+            ready.put((None, error))
 
     thread = threading.Thread(target=work, name="schuler-read", daemon=True)
     thread.start()
@@ -383,7 +375,12 @@ def prefetch(blocks: Iterator[Block]) -> Iterator[Block]:
                 raise error
             if block is None:
                 return
+            wanted.release()
             yield block
     finally:
         closed.set()
+        wanted.release()
         thread.join()
+        close = getattr(blocks, "close", None)
+        if close is not None:
+            close()

@@ -1,6 +1,6 @@
 """Text tables: CSV, TSV, semicolons, blanks; cut into blocks that are parsed in parallel.
 
-A file is cut at line ends into blocks of about 16 MB; PyArrow parses each with all cores, and the
+A file is cut at line ends into blocks of about 4 MB; PyArrow parses each with all cores, and the
 next one is read while the caller works. Memory does not grow with the file.
 """
 
@@ -24,7 +24,7 @@ from schuler.io.mapping import Mapping
 
 __all__ = ["TextReader", "TextTable", "arrange"]
 
-_BLOCK_BYTES = 16 << 20
+_BLOCK_BYTES = 4 << 20
 _HEAD = 1 << 16
 _LONGEST = 1 << 20
 _NULLS = ["", "NA", "N/A", "na", "n/a", "null", "NULL", "None"]
@@ -48,9 +48,9 @@ class TextReader:
         else:
             with path.open("rb") as file:
                 head, dialect = b"", _look(file, mapping, False)[1]
-        chosen = choose(dialect.names, dialect.count, mapping)
-        table = TextTable(path, dialect, chosen.all, head=head)
         own = dialect.own
+        chosen = choose(dialect.names, dialect.count, Mapping() if own else mapping)
+        table = TextTable(path, dialect, chosen.all, head=head)
         said = chosen.said()
         if own is not None:
             said = _own_mapping(own).merged(said)

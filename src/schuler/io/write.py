@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from schuler._files import replacing
 from schuler.errors import InputError
 from schuler.io.dialect import MAGIC
 from schuler.record import ImuRecord
@@ -67,15 +67,8 @@ def write(record: ImuRecord, path: str | Path, *, overwrite: bool = True) -> Non
             "sculling_corrected": record.sculling_corrected,
         }
     )
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        try:
-            save(record, part, about)
-            os.replace(part, path)
-        finally:
-            part.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+    with replacing(path) as part:
+        save(record, part, about)
 
 
 def _table(record: ImuRecord) -> Any:
