@@ -67,18 +67,19 @@ def rate_hint(
     bias, noise : float
         What the instrument and the sway may add (1-sigma, rad/s).
     """
+    if mean_rate == 0.0:
+        return "the gyros read nothing: their mean |w| is zero; check their columns"
     ratio = mean_rate / EARTH_RATE
     if abs(mean_rate - EARTH_RATE) < max(0.1 * EARTH_RATE, 4.0 * math.hypot(bias, noise)):
         return None
-    text = f"the mean |w| is {mean_rate / DEG_PER_HOUR:.5g} deg/h, where the Earth turns at 15.04"
-    if ratio == 0.0:
-        return f"{text}: the gyros read nothing; check their columns"
+    shown = f"{mean_rate / DEG_PER_HOUR:.5g} deg/h"
+    text = f"the mean |w| is {shown}, where the Earth turns at 15.04 deg/h"
     names = {"deg/s": DEG, "deg/h": DEG_PER_HOUR, "mrad/s": 1e-3, "arcsec/s": DEG / 3600.0}
     fit = _fitting(ratio, _candidates(interval, 1.0, names), 0.1)
     if fit:
         return f"{text}; it would fit if the gyro values were {fit}"
     return (
-        f"{text} deg/h; the gyros have a bias of that size (see --spec), or the vehicle turned, "
+        f"{text}; the gyros have a bias of that size (see --spec), or the vehicle turned, "
         "or unit or columns are wrong"
     )
 
