@@ -187,6 +187,64 @@ def test_refusals(call, sentence):
     assert str(error.value).startswith(sentence)
 
 
+# -- intervals that are known --------------------------------------------------------------
+
+
+def saved(n=600):
+    """Return rows of a saved record: a gap that was bridged, and one that was not."""
+    dt = np.full(n, 0.01)
+    dt[40] = 0.05
+    t = np.cumsum(dt)
+    t[300:] += 0.03
+    return t, integral(t - dt, t), dt
+
+
+@given(cuts=st.lists(st.integers(0, 600), max_size=8))
+def test_known_intervals_are_kept_as_they_are(cuts):
+    t, x, dt = saved()
+    intake = Intake("increments")
+    parts = [intake.push(t[s], x[s], dt[s]) for s in pieces(len(t), cuts)]
+    record = ImuRecord.concatenate([p for p in [*parts, intake.close()] if len(p)])
+    np.testing.assert_array_equal(record.time, t)
+    np.testing.assert_array_equal(record.dt, dt)
+    np.testing.assert_array_equal(values_of(record), x)
+    assert intake.quality().nominal_dt == 0.01
+
+
+@pytest.mark.parametrize(
+    ("spoil", "sentence"),
+    [
+        (lambda dt: dt.__setitem__(9, 0.0), "data row 10 (t = 0.1 s): the interval dt = 0 s must"),
+        (lambda dt: dt.__setitem__(9, math.nan), "data row 10 (t = 0.1 s): the interval dt = nan"),
+        (
+            lambda dt: dt.__setitem__(300, 0.5),
+            "data row 301 (t = 3.08 s): its interval dt is longer than the 0.04 s since the row",
+        ),
+    ],
+)
+def test_impossible_intervals_are_errors(spoil, sentence):
+    t, x, dt = saved()
+    spoil(dt)
+    with pytest.raises(InputError) as error:
+        Intake("increments").push(t, x, dt)
+    assert str(error.value).startswith(sentence)
+
+
+def test_intervals_need_increments():
+    t, x, dt = saved()
+    with pytest.raises(InputError, match="interval lengths need increments and one for each of"):
+        Intake("rates").push(t, x, dt)
+    with pytest.raises(InputError, match="interval lengths need increments and one for each of"):
+        Intake("increments").push(t, x, dt[:-1])
+
+
+def test_rows_left_out_before_count():
+    intake = Intake("increments", rate=100.0)
+    intake.skip(1000)
+    with pytest.raises(InputError, match=r"data row 1003 \(t = 0.01 s\): time goes backward"):
+        intake.push(np.array([0.01, 0.02, 0.01]), np.zeros((3, 6)))
+
+
 # -- any chunking gives the same bits ------------------------------------------------------
 
 

@@ -92,6 +92,13 @@ def test_between(start, stop, first, last):
     assert (part.dtheta[0, 0], part.dtheta[-1, 0]) == (first, last)
 
 
+def test_a_middle_on_the_cut_belongs_to_the_earlier_stretch():
+    record = make(10, dt=1.0, start=0.0)
+    np.testing.assert_array_equal(record.between(None, 2.5).dtheta[:, 0], [0, 1, 2])
+    np.testing.assert_array_equal(record.between(2.5, 4.5).dtheta[:, 0], [3, 4])
+    np.testing.assert_array_equal(record.after(8.5).dtheta[:, 0], [9])
+
+
 def test_between_nothing():
     record = make()
     assert len(record.between(7.0, 8.0)) == 0

@@ -1,0 +1,114 @@
+"""Drawn errors: each type of noise against its own definition, by ensembles with a band."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from schuler.errors import InputError
+from schuler.kernels.noise import gauss_markov
+from schuler.sensors import AccelerometerSpec, GyroSpec
+from schuler.sensors.noise import corrupt
+from tests.conftest import chi_square_band
+
+FALSE_ALARM = 1e-3
+
+
+def drawn(part, rng, n=100, m=3, dt=0.01, **options):
+    """Return noise on increments that are zero, and the bias in it."""
+    found = corrupt(np.zeros((n, m)), np.full(n, dt), part, rng, **options)
+    return found.increments, found.bias
+
+
+def allan_variance(rate, cluster):
+    """Return the Allan variance over so many samples, mean over all axes."""
+    means = rate[: len(rate) // cluster * cluster].reshape(-1, cluster, rate.shape[1]).mean(1)
+    return 0.5 * np.mean(np.diff(means, axis=0) ** 2)
+
+
+def test_no_errors_leave_the_truth(rng):
+    truth = rng.normal(size=(50, 3))
+    found = corrupt(truth, np.full(50, 0.01), GyroSpec(), rng)
+    np.testing.assert_array_equal(found.increments, truth)
+    np.testing.assert_array_equal(found.bias, 0.0)
+
+
+def test_bias_is_drawn_per_axis(rng):
+    out, bias = drawn(GyroSpec(bias=2e-7), rng, n=4, m=3000, dt=0.5)
+    np.testing.assert_allclose(out, np.tile(0.5 * bias, (4, 1)), rtol=1e-14)
+    low, high = chi_square_band(3000, FALSE_ALARM)
+    assert low < np.sum((bias / 2e-7) ** 2) < high
+
+
+def test_bias_that_is_given_is_taken(rng):
+    out, bias = drawn(AccelerometerSpec(bias=1.0), rng, n=5, bias=[1e-3, 0.0, -2e-3])
+    np.testing.assert_array_equal(bias, [1e-3, 0.0, -2e-3])
+    np.testing.assert_allclose(out, 0.01 * np.tile(bias, (5, 1)), rtol=1e-14)
+    with pytest.raises(InputError, match=r"expected a bias of shape \(3,\), got \(2,\)"):
+        drawn(GyroSpec(), rng, bias=[1.0, 2.0])
+
+
+@pytest.mark.parametrize("dt", [0.01, 0.25])
+def test_random_walk_of_the_angle(rng, dt):
+    out, _ = drawn(AccelerometerSpec(velocity_random_walk=3e-4), rng, n=5000, m=4, dt=dt)
+    low, high = chi_square_band(out.size, FALSE_ALARM)
+    assert low < np.sum(out**2) / (3e-4**2 * dt) < high
+    # White: no correlation from one sample to the next, to 4 sigma.
+    assert abs(np.sum(out[1:] * out[:-1]) / np.sum(out**2)) < 4.0 / math.sqrt(out.size)
+
+
+def test_random_walk_of_the_rate(rng):
+    k, n, m, dt = 1e-6, 60, 4000, 0.2
+    out, _ = drawn(GyroSpec(rate_random_walk=k), rng, n=n, m=m, dt=dt)
+    # The mean rate over the last interval: n - 1 whole steps and half of the last.
+    low, high = chi_square_band(m, FALSE_ALARM)
+    assert low < np.sum((out[-1] / dt) ** 2) / (k**2 * dt * (n - 0.75)) < high
+
+
+def test_bias_instability_has_a_flat_allan_deviation(rng):
+    # (2 ln 2 / pi) B^2, that is (0.664 B)^2, at every time between the sample and the record.
+    level, dt = 5e-6, 0.1
+    out, _ = drawn(GyroSpec(bias_instability=level), rng, n=8192, m=150, dt=dt)
+    floor = 2.0 * math.log(2.0) / math.pi * level**2
+    for cluster in (8, 32, 128, 512):
+        assert allan_variance(out / dt, cluster) == pytest.approx(floor, rel=0.1)
+
+
+def test_quantisation_rounds_the_running_sum():
+    rng = np.random.default_rng(6)
+    q, n = 2e-6, 4000
+    step = q * math.sqrt(12.0)
+    truth = 1.7e-6 * rng.normal(size=(n, 3)) + 3e-6
+    found = corrupt(truth, np.full(n, 0.01), GyroSpec(quantisation=q), rng).increments
+    counts = found / step
+    np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
+    error = np.cumsum(found - truth, axis=0)
+    assert np.all(np.abs(error) < step * (1 + 1e-9))
+    # The rounding's own standard deviation; it does not grow with time.
+    assert error.std(axis=0) == pytest.approx(q, rel=0.05)
+
+
+def test_gauss_markov_is_stationary_and_forgets():
+    rng = np.random.default_rng(9)
+    tau, sigma, n, m, dt = 2.0, 0.3, 40, 5000, 0.1
+    state = sigma * rng.normal(size=m)
+    start, out = state.copy(), np.zeros((n, m))
+    gauss_markov(np.full(n, dt), tau, sigma, state, rng.normal(size=(n, m)), out)
+    low, high = chi_square_band(m, FALSE_ALARM)
+    assert low < np.sum(state**2) / sigma**2 < high
+    correlation = np.mean(start * state) / sigma**2
+    assert correlation == pytest.approx(math.exp(-n * dt / tau), abs=4.0 / math.sqrt(m))
+
+
+def test_gauss_markov_takes_any_chunking():
+    rng = np.random.default_rng(10)
+    normal, dt = rng.normal(size=(100, 3)), np.full(100, 0.1)
+    whole, state = np.zeros((100, 3)), np.ones(3)
+    gauss_markov(dt, 2.0, 0.3, state, normal, whole)
+    parts, again = np.zeros((100, 3)), np.ones(3)
+    for s in (slice(0, 1), slice(1, 60), slice(60, 60), slice(60, 100)):
+        gauss_markov(dt[s], 2.0, 0.3, again, normal[s], parts[s])
+    np.testing.assert_array_equal(parts, whole)
+    np.testing.assert_array_equal(again, state)
