@@ -247,5 +247,5 @@ def test_own_files_ignore_the_folder_and_refuse_other_meanings(tmp_path: Path) -
 
 def test_bad_sidecar_names_itself(csv: Path) -> None:
     csv.with_name("truck.csv.toml").write_text("giro = 'deg/s'")
-    with pytest.raises(InputError, match="truck.csv.toml: unknown key 'giro'"):
+    with pytest.raises(InputError, match=r"truck\.csv\.toml: unknown key 'giro'"):
         open_source(csv)

@@ -196,8 +196,9 @@ class Source:
     def _records(
         self, intake: Intake, start: float | None, stop: float | None
     ) -> Iterator[ImuRecord]:
-        done = 0
+        done = kept = 0
         started = start is None
+        past: list[int] = []
         begin = -np.inf if start is None else start
         # A thread that waits for standard input could not be ended.
         blocks = self._content.blocks()
@@ -217,10 +218,12 @@ class Source:
                 # Nothing after the first row at or past the stop is looked at.
                 n = past[0] + 1
                 time, values, dt = time[:n], values[:n], dt if dt is None else dt[:n]
+            kept += len(time)
             yield intake.push(time, values, dt)
             if past:
                 break
-        if started:
+        # Less than two rows of a stretch are no samples; of a whole file, they are an error.
+        if started and (kept > 1 or (start is None and not past)):
             yield intake.close()
 
     def read(self, *, start: float | None = None, stop: float | None = None) -> ImuRecord:
