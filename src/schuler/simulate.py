@@ -25,7 +25,8 @@ __all__ = ["Simulation", "simulate", "true_rate_and_force"]
 
 Array = NDArray[np.float64]
 
-_NODES, _WEIGHTS = (np.asarray(x, np.float64) for x in np.polynomial.legendre.leggauss(4))
+_GAUSS: tuple[Array, Array] = np.polynomial.legendre.leggauss(4)
+_NODES, _WEIGHTS = _GAUSS
 """Exact for polynomials of degree seven inside one sampling interval."""
 
 _CHUNK = 20000
@@ -128,11 +129,11 @@ def simulate(
     dtheta, dvel = np.empty((n, 3)), np.empty((n, 3))
     for a in range(0, n, _CHUNK):
         k = np.arange(a, min(a + _CHUNK, n))
-        t: Array = (k[:, None] + 0.5 + 0.5 * _NODES).reshape(-1) * step
+        t: Array = np.ravel((k[:, None] + 0.5 + 0.5 * _NODES) * step).astype(np.float64)
         w, f = true_rate_and_force(motion, site, t)
         for out, x in ((dtheta, w), (dvel, f)):
             out[k] = 0.5 * step * np.einsum("j,ijc->ic", _WEIGHTS, x.reshape(len(k), -1, 3))
-    ends: Array = np.arange(n + 1) * step
+    ends: Array = np.arange(n + 1, dtype=np.float64) * step
     euler = motion.pose(ends).euler
     time: Array = start + ends[1:]
     dt = np.full(n, step)

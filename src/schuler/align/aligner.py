@@ -49,14 +49,16 @@ _QUIET = 0.4
 class Estimate:
     """Attitude C_b^n (3, 3) and covariance by source.
 
-    With the orthonormality error of the analytic method, and how the residual's power compares
-    with the specification's noise (`noise_ratio`).
+    With the orthonormality error of the analytic method, how the residual's power compares with
+    the specification's white noise (`noise_ratio`), and the specification that was used: a record
+    that is surely quieter than its instrument is said to be has its white noise scaled down.
     """
 
     attitude: Array
     budget: dict[str, Array]
     orthonormality: float | None
     noise_ratio: float | None
+    spec: ImuSpec | None
 
     @property
     def covariance(self) -> Array:
@@ -81,9 +83,11 @@ def estimate(
         attitude = inertial_to_local(when, site.latitude) @ r @ tracked
         responses = inertial_responses(h, r, site.gravity, site.latitude, method.estimator, at_end)
         left = residual(h, site)
-        disturbance = inertial_disturbance(left, responses, site, spec)
         if spec:
             ratio = noise_ratio(left, site.gravity, spec)
+            if ratio is not None and ratio < _QUIET:
+                spec = spec.with_white_noise(np.sqrt(ratio))
+        disturbance = inertial_disturbance(left, responses, site, spec)
     else:
         angle, velocity = h.increments()
         attitude, orthonormality = analytic_attitude(
@@ -93,7 +97,7 @@ def estimate(
         disturbance = analytic_disturbance(h, attitude, responses)
     budget = instrument_budget(responses, spec) if spec else {}
     budget["disturbance"] = disturbance
-    return Estimate(attitude, budget, orthonormality, ratio)
+    return Estimate(attitude, budget, orthonormality, ratio, spec)
 
 
 class Aligner:
@@ -241,7 +245,7 @@ class Aligner:
         summary = self._summariser.summary()
         gyro_bias = self.spec.gyro.bias if self.spec else 0.0
         hints = summary.hints(self.site, gyro_bias)
-        ratio = summary.mean_force_norm / self.site.gravity
+        ratio = summary.steady_force(self.site.gravity) / self.site.gravity
         if hints and not 0.9 < ratio < 1.1:
             raise InputError(f"{self._name}: {hints[0]} (an alignment needs the force at rest)")
         found = estimate(h, self.site, self.method, self.spec, self.at == "end")
@@ -250,12 +254,13 @@ class Aligner:
         if self.spec is None:
             warnings.append(_BIAS_MISSING)
         else:
-            bound = limit(self.spec, self.site, h.duration, summary.interval)
-            if found.noise_ratio is not None and found.noise_ratio < _QUIET:
+            assert found.spec is not None
+            bound = limit(found.spec, self.site, h.duration, summary.interval)
+            if found.spec is not self.spec and found.noise_ratio is not None:
                 warnings.append(
                     f"the record has {found.noise_ratio:.2g} times the noise power of the "
-                    f"specification '{self.spec.name}': the instrument is better than that, and "
-                    "sigma too large"
+                    f"specification '{self.spec.name}', too little for chance: the white noise in "
+                    "sigma and limit was scaled down to what the record shows"
                 )
         sigma = float(np.sqrt(found.covariance[2, 2])) / ARCMIN
         if sigma > 600.0:
@@ -275,7 +280,7 @@ class Aligner:
             budget=found.budget,
             bound=bound,
             warnings=tuple(warnings),
-            spec=self.spec,
+            spec=found.spec,
             orthonormality=found.orthonormality,
             gyro_bias=None,
             accel_bias=None,

@@ -1,4 +1,4 @@
-"""The command ``schuler align``: where is north."""
+"""The command ``schuler align``, which finds north."""
 
 from __future__ import annotations
 

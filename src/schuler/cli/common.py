@@ -37,7 +37,7 @@ _MAPPING_KEYS = (
 )  # fmt: skip
 
 
-class Seconds(click.ParamType):
+class Seconds(click.ParamType):  # type: ignore[type-arg]
     """A time: ``100``, ``100s``, ``5min``, ``0.5 h``."""
 
     name = "time"

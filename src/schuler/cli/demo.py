@@ -1,4 +1,4 @@
-"""``schuler demo``: a simulated truck, aligned, beside its truth."""
+"""The command ``schuler demo``, a simulated truck beside its truth."""
 
 from __future__ import annotations
 
@@ -66,10 +66,10 @@ def command(out: str, seed: int, minutes: float) -> None:
     emit_json(fix.to_dict(), str(folder / "demo.json"))
 
     truth = made.heading_deg()
-    error = ((fix.heading_deg - truth + 180.0) % 360.0 - 180.0) * 60.0
+    off = ((fix.heading_deg - truth + 180.0) % 360.0 - 180.0) * 60.0
     click.echo(str(fix))
     click.echo(
-        f"truth: heading {truth:.3f} deg; the estimate is off by {error:+.2f}' "
-        f"({abs(error) / float(fix.sigma_arcmin[2]):.1f} sigma)"
+        f"truth: heading {truth:.3f} deg; the estimate is off by {off:+.2f}' "
+        f"({abs(off) / float(fix.sigma_arcmin[2]):.1f} sigma)"
     )
     click.echo(f"record {path}, report {folder / 'demo.html'}, result {folder / 'demo.json'}")

@@ -1,4 +1,4 @@
-"""The command ``schuler info``: what a record looks like."""
+"""The command ``schuler info``, which looks at a record."""
 
 from __future__ import annotations
 
@@ -81,7 +81,9 @@ def _print(source: Source, summary: Summary, site: Any) -> None:
         ("rate", f"{time['rate_hz']:.6g} Hz, jitter {1e3 * (q.jitter_rms if q else 0):.3g} ms rms"),
         ("mean |f|", f"{d['mean_force_norm_m_s2']:.6f} m/s^2 "
                      f"({1e6 * (d['mean_force_norm_m_s2'] / value - 1):+.0f} ppm of {gravity})"),
-        ("mean |w|", f"{d['mean_rate_norm_deg_h']:.4f} deg/h (the Earth turns at 15.0411)"),
+        ("|mean f|", f"{d['norm_of_mean_force_m_s2']:.6f} m/s^2 "
+                     f"({1e6 * (d['norm_of_mean_force_m_s2'] / value - 1):+.0f} ppm)"),
+        ("|mean w|", f"{d['mean_rate_norm_deg_h']:.4f} deg/h (the Earth turns at 15.0411)"),
         ("mean f", "  ".join(f"{v:+.5f}" for v in d["mean_force_m_s2"]) + " m/s^2 (x, y, z)"),
         ("mean w", "  ".join(f"{v:+.4f}" for v in d["mean_rate_deg_h"]) + " deg/h (x, y, z)"),
         ("noise", f"gyro {noise['gyro_deg_sqrt_h']:.3g} deg/sqrt(h), accelerometer "

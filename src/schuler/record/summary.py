@@ -79,6 +79,14 @@ class Summary:
         """Length, s."""
         return self.end - self.start
 
+    def steady_force(self, gravity: float) -> float:
+        """Return the mean force whose length is nearest to gravity, m/s^2.
+
+        Shaking makes the mean of |f| too long, swinging the length of the mean of f too short.
+        """
+        of_mean = float(np.linalg.norm(self.mean_force))
+        return min((self.mean_force_norm, of_mean), key=lambda v: abs(v - gravity))
+
     @property
     def quiet_seconds(self) -> float:
         """Time in quiet stretches, s."""
@@ -99,7 +107,7 @@ class Summary:
         # A swing of a few degrees between the two ends is no unit error.
         spread = float(np.hypot(spread, 1.0 * DEG / max(self.duration, 1.0)))
         found = [
-            force_hint(self.mean_force_norm, gravity, self.interval),
+            force_hint(self.steady_force(gravity), gravity, self.interval),
             rate_hint(float(np.linalg.norm(self.mean_rate)), self.interval, gyro_bias, spread),
         ]
         if found[0] is None:
@@ -145,6 +153,7 @@ class Summary:
             "mean_rate_norm_deg_h": float(np.linalg.norm(self.mean_rate)) / DEG_PER_HOUR,
             "mean_force_m_s2": [float(v) for v in self.mean_force],
             "mean_force_norm_m_s2": self.mean_force_norm,
+            "norm_of_mean_force_m_s2": float(np.linalg.norm(self.mean_force)),
             "gravity_m_s2": gravity,
             "noise": {
                 "gyro_deg_sqrt_h": self.noise_gyro / root_hour,

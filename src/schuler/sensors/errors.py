@@ -8,7 +8,7 @@ at tau is N^2/tau + (2 ln2/pi) B^2 + K^2 tau/3 + 3 Q^2/tau^2.
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -177,6 +177,18 @@ class ImuSpec:
             return cls.from_dict(data, name=path.stem)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
+
+    def with_white_noise(self, factor: float) -> ImuSpec:
+        """Return the same instrument with its angle and velocity random walk times a factor."""
+        walk = factor * self.gyro.angle_random_walk
+        return replace(
+            self,
+            gyro=replace(self.gyro, angle_random_walk=walk),
+            accelerometer=replace(
+                self.accelerometer,
+                velocity_random_walk=factor * self.accelerometer.velocity_random_walk,
+            ),
+        )
 
     def describe(self) -> dict[str, dict[str, str]]:
         """Return the spec in the units that people speak, as `from_dict` would take it."""
