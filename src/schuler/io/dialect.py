@@ -66,9 +66,11 @@ class Dialect:
     own: dict[str, Any] | None = None
 
 
-def split(line: str, delimiter: str) -> list[str]:
-    """Cut a line into stripped cells, without quotation marks."""
+def split(line: str, delimiter: str, *, quoted: bool = True) -> list[str]:
+    """Cut a line into stripped cells, without quotation marks where there may be some."""
     cells = line.split() if delimiter == " " else line.split(delimiter)
+    if not quoted:
+        return [cell.strip() for cell in cells]
     return [cell.strip().strip('"').strip() for cell in cells]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -39,6 +39,7 @@ class MatReader:
 def _open_classic(path: Path, mapping: Mapping) -> Content:
     from scipy.io import loadmat, whosmat
 
+    _check_length(path)
     try:
         names = [name for name, _, kind in whosmat(str(path)) if kind not in ("cell", "struct")]
     except Exception as error:  # SciPy's reader lets many kinds escape from damaged files
@@ -51,6 +52,21 @@ def _open_classic(path: Path, mapping: Mapping) -> Content:
             raise _damaged(error) from None
 
     return from_arrays(names, load, mapping)
+
+
+def _check_length(path: Path) -> None:
+    """Refuse a version 5 file whose last element is cut off; SciPy would leave it out silently."""
+    size, place = path.stat().st_size, 128
+    with path.open("rb") as file:
+        head = file.read(place)
+        if not head.startswith(b"MATLAB 5.0"):
+            return
+        order: Literal["little", "big"] = "little" if head[126:128] == b"IM" else "big"
+        while place < size:
+            file.seek(place + 4)
+            place += 8 + int.from_bytes(file.read(4), order)
+    if place > size:
+        raise _damaged(ValueError(f"{size} bytes where {place} are announced"))
 
 
 def _open_hdf5(path: Path, mapping: Mapping) -> Content:

@@ -127,13 +127,14 @@ class Source:
 
     def _new_intake(self, content: Content) -> Intake:
         m = self._meaning.mapping
+        default = "stdin" if self.path == Path("-") else self.path.stem
         return Intake(
             self._meaning.kind,
             rate=m.rate,
             max_gap=self._max_gap,
             coning_corrected=bool(m.coning_corrected),
             sculling_corrected=bool(m.sculling_corrected),
-            name=content.name or ("stdin" if self.path == Path("-") else self.path.stem),
+            name=content.name if content.name is not None else default,
         )
 
     # -- reading -----------------------------------------------------------------------

@@ -308,7 +308,10 @@ class TextTable:
             text = raw.decode("utf-8", errors="replace").strip(" \r")
             if not text.strip() or text.strip().encode().startswith(d.comment):
                 continue
-            cells = split(text, d.delimiter)
+            if "\r" in text or (d.quoted and text.count('"') % 2):
+                what = "carriage return" if "\r" in text else "quotation mark without its pair"
+                return _LineError(i, f"has a {what} inside: {text[:60]!r}; remove it")
+            cells = split(text, d.delimiter, quoted=d.quoted)
             if len(cells) != d.count:
                 return _LineError(
                     i,
