@@ -16,7 +16,7 @@ record of the benchmark this gives normalised errors of rms about one, window by
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from schuler.align.history import History, gravity_direction, inertial_to_local
 from schuler.align.inertial import Weights, solve
-from schuler.align.uncertainty import BLOCKS, Responses
+from schuler.align.uncertainty import BLOCKS, Responses, part_covariance
 from schuler.earth import Site
 from schuler.sensors import ImuSpec
 
@@ -54,14 +54,17 @@ class Residual:
         Length of each stretch, s.
     mean : (m, 3) float64
         Mean residual velocity over each stretch, m/s, without its mean over the record.
-    instants : (m + 1, 3) float64
-        Residual velocity at the ends of the stretches, m/s, in i0.
+    instants : (k, 3) float64
+        Residual velocity at every instant of the history, m/s, in i0.
+    interval : float
+        Sampling interval, s.
     """
 
     t: Array
     dt: Array
     mean: Array
     instants: Array
+    interval: float
 
     @property
     def rms(self) -> Array:
@@ -73,15 +76,15 @@ def residual(h: History, site: Site, blocks: int = BLOCKS) -> Residual:
     """Return the residual velocity of the centred fit over a history."""
     g, lat = site.gravity, site.latitude
     r = solve(h, g, lat, "centred")
-    h = h.thin(blocks)
-    mean = h.block_means(slice(9, 12)) @ r.T
-    mean -= g * gravity_direction(lat) * h.block_means(slice(12, 15))
-    weight = np.diff(h.updates)
+    thin, _ = h.thin(blocks)
+    mean = thin.block_means(slice(9, 12)) @ r.T
+    mean -= g * gravity_direction(lat) * thin.block_means(slice(12, 15))
+    weight = np.diff(thin.updates)
     offset = weight @ mean / weight.sum()
-    t = 0.5 * (h.t[1:] + h.t[:-1])
+    t = 0.5 * (thin.t[1:] + thin.t[:-1])
     local = np.einsum("iab,ib->ia", inertial_to_local(t, lat), mean - offset)
     instants = h.velocity @ r.T - h.theory(g, lat) - offset
-    return Residual(t, np.diff(h.t), local, instants)
+    return Residual(t, np.diff(thin.t), local, instants, h.duration / max(h.samples, 1))
 
 
 @lru_cache(maxsize=8)
@@ -92,56 +95,66 @@ def _modes(m: int, last: int) -> Array:
     return np.asarray(q[:, FIRST_MODE:])
 
 
-def _shapes(modes: Array, dt: Array, gravity: float) -> Array:
-    """Return the powers of the modes (3, k) for unit white velocity, force and rate."""
-    step = dt[:, None]
+def _integrals(modes: Array, dt: Array, gravity: float) -> tuple[Array, Array]:
+    """Return how the modes answer to force and rate increments in each stretch, (m, k) each."""
     once = np.cumsum(modes[::-1], axis=0)[::-1] - 0.5 * modes
-    ramp = once * step
-    twice = gravity * (np.cumsum(ramp[::-1], axis=0)[::-1] - 0.5 * ramp)
-    return np.stack(
-        [(modes**2 / step).sum(axis=0), (once**2 * step).sum(axis=0), (twice**2 * step).sum(axis=0)]
-    )
+    ramp = once * dt[:, None]
+    return once, gravity * (np.cumsum(ramp[::-1], axis=0)[::-1] - 0.5 * ramp)
 
 
-def _known(spec: ImuSpec | None) -> Array:
-    """Return (white velocity, white force, white rate) that the specification explains."""
-    if spec is None:
-        return np.zeros(3)
-    return np.array([0.0, spec.accelerometer.white**2, spec.gyro.white**2])
+@dataclass(frozen=True, eq=False)
+class _Powers:
+    """Powers of the modes, east plus north (k,), and what one axis of each shape makes (3, k).
+
+    `known` (k,) is what the specification's noise makes of one axis.
+    """
+
+    power: Array
+    shapes: Array
+    known: Array
 
 
-def _powers(res: Residual, gravity: float) -> tuple[Array, Array] | None:
-    """Return the powers of the modes, east plus north (k,), and their shapes (3, k)."""
+def _powers(res: Residual, gravity: float, spec: ImuSpec | None) -> _Powers | None:
     m = len(res.t)
     last = min(LAST_MODE, m // 2)
     if last < FIRST_MODE + 2:
         return None
     modes = _modes(m, last)
     power = np.sum((modes.T @ res.mean[:, :2]) ** 2, axis=1)
-    return power, _shapes(modes, res.dt, gravity)
+    force, rate = _integrals(modes, res.dt, gravity)
+    step = res.dt[:, None]
+    shapes = np.stack(
+        [(modes**2 / step).sum(axis=0), (force**2 * step).sum(axis=0), (rate**2 * step).sum(axis=0)]
+    )
+    known = np.zeros(len(power))
+    if spec is not None:
+        for part, response in ((spec.accelerometer, force), (spec.gyro, rate)):
+            # Biases stay out: their residual lies in the modes that are left out.
+            noise = replace(part, bias=0.0)
+            for cov in part_covariance(noise, response[:, :, None], res.dt, res.interval).values():
+                known += np.diag(cov)
+    return _Powers(power, shapes, known)
 
 
 def noise_ratio(res: Residual, gravity: float, spec: ImuSpec) -> float | None:
-    """Return the power of the residual over that which a specification's white noise makes.
+    """Return the power of the residual over that which a specification's noise makes.
 
     About one for an instrument as specified on a base at rest; its standard deviation is then
     0.2. Far below one, the instrument is better than its specification. None where it cannot be
     told.
     """
-    found = _powers(res, gravity)
-    known = _known(spec)
-    if found is None or not np.any(known):
+    found = _powers(res, gravity, spec)
+    if found is None or not np.all(found.known > 0):
         return None
-    power, shapes = found
-    return float(np.mean(0.5 * power / (known @ shapes)))
+    return float(np.mean(0.5 * found.power / found.known))
 
 
 def _fit(res: Residual, gravity: float, spec: ImuSpec | None) -> Array:
     """Return the posterior mean of (c, b, a), (3,)."""
-    found = _powers(res, gravity)
+    found = _powers(res, gravity, spec)
     if found is None:
         return np.zeros(3)
-    power, shapes = found
+    power, shapes = found.power, found.shapes
     few = LOWEST // 2
     scale = np.mean(0.5 * power[:few] / shapes[:, :few], axis=1)
     scale[0] = np.mean(0.5 * power / shapes[0])
@@ -150,7 +163,7 @@ def _fit(res: Residual, gravity: float, spec: ImuSpec | None) -> Array:
     grid = np.stack(
         [a.ravel() for a in np.meshgrid(*(s * g for s, g in zip(scale, _GRID, strict=True)))]
     )
-    level = grid.T @ shapes + _known(spec) @ shapes
+    level = grid.T @ shapes + found.known
     # East and north share a level: two degrees of freedom to a mode.
     log = -(np.log(level) + 0.5 * power / level).sum(axis=1)
     weight = np.exp(log - log.max())
@@ -163,20 +176,19 @@ def _at_points(w: Weights, instants: Array) -> Array:
     Where the residual at those very instants is beyond what the rest of the record makes likely
     (a jolt at the start), the shift that it makes is added as it is.
     """
-    point = w.point.copy()
+    rows, point = w.rows, w.point.copy()
     # v is zero at the start whatever the motion was then: its residual there is an offset.
-    point[0] -= w.offset()
-    rows = np.flatnonzero(np.abs(point).max(axis=(1, 2)) > 1e-9 * np.abs(w.nodal()).max())
+    point[0] -= w.point.sum(axis=0) + w.block.sum(axis=0)
+    if np.abs(point).max() < 1e-9 * np.abs(w.block).max(initial=0.0):
+        return np.zeros((3, 3))
     out = np.zeros((3, 3))
-    if not len(rows):
-        return out
     e = instants[1:] - instants[1:].mean(axis=0)
-    for i in rows:
-        for j in rows:
-            lag = abs(int(j - i))
+    for i, at_i in zip(rows, point, strict=True):
+        for j, at_j in zip(rows, point, strict=True):
+            lag = min(abs(int(j - i)), len(e) - 1)
             s = e[: len(e) - lag].T @ e[lag:] / len(e)
-            out += point[i] @ (s if j >= i else s.T) @ point[j].T
-    shift = np.einsum("iab,ib->a", point[rows], instants[rows])
+            out += at_i @ (s if j >= i else s.T) @ at_j.T
+    shift = np.einsum("iab,ib->a", point, instants[rows])
     if shift @ np.linalg.lstsq(out, shift, rcond=None)[0] > _OUTLIER:
         out += np.outer(shift, shift)
     return out
@@ -190,7 +202,7 @@ def inertial_disturbance(
     assert w is not None
     c, b, a = _fit(res, site.gravity, spec)
     # The disturbance is horizontal: up does not enter the level axes to first order.
-    local = inertial_to_local(res.t, site.latitude)[:, :2]
+    local = inertial_to_local(responses.t, site.latitude)[:, :2]
     level = np.einsum("iba,ibc->iac", local, local)
     dt = responses.dt
     out = c * np.einsum("iab,ibc,idc,i->ad", w.block, level, w.block, 1.0 / dt)
@@ -205,7 +217,7 @@ def analytic_disturbance(h: History, c_nb: Array, responses: Responses) -> Array
     The mean rate is the difference of two ends over the duration: each end is off by what the
     sum wanders about a straight line.
     """
-    h = h.thin(BLOCKS)
+    h, _ = h.thin(BLOCKS)
     x = np.column_stack([np.ones_like(h.t), h.t])
     out = np.zeros((3, 3))
     for columns, v in ((slice(30, 33), responses.gyro[0]), (slice(33, 36), responses.accel[0])):

@@ -6,6 +6,7 @@ that a record of any length needs constant memory and is read once.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,9 +14,10 @@ from numpy.typing import NDArray
 
 from schuler.constants import EARTH_RATE
 
-__all__ = ["History", "gravity_direction", "inertial_to_local"]
+__all__ = ["History", "Rows", "gravity_direction", "inertial_to_local"]
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
 
 
 def inertial_to_local(t: Array | float, lat: float) -> Array:
@@ -108,13 +110,26 @@ class History:
         n = np.diff(self.updates)
         return np.asarray(np.diff(self.rows[:, columns], axis=0) / n[:, None])
 
-    def thin(self, blocks: int) -> History:
-        """Return at most `blocks` stretches between instants, as even as can be."""
+    def thin(self, blocks: int, keep: Iterable[int] = ()) -> tuple[History, Rows]:
+        """Return at most `blocks` stretches between instants, as even as can be.
+
+        Parameters
+        ----------
+        blocks : int
+            Stretches wanted.
+        keep : iterable of int
+            Instants that must stay (they come on top).
+
+        Returns
+        -------
+        History, (j,) int64
+            The thinned history, and where each kept instant is in it.
+        """
         last = len(self) - 1
-        if last <= blocks:
-            return self
-        keep = np.unique(np.round(np.linspace(0, last, blocks + 1)).astype(np.int64))
-        return replace(self, rows=self.rows[keep])
+        kept = np.array(list(keep), np.int64)
+        rows = np.round(np.linspace(0, last, min(blocks, last) + 1)).astype(np.int64)
+        rows = np.unique(np.concatenate([rows, kept]))
+        return replace(self, rows=self.rows[rows]), np.searchsorted(rows, kept).astype(np.int64)
 
     def until(self, row: int) -> History:
         """Return the history up to and with an instant, as if the record had ended there."""

@@ -13,15 +13,17 @@ Kabsch (1976) applied to velocity integrals.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.align.history import History, gravity_direction
+from schuler.align.history import History, Rows, gravity_direction
 from schuler.attitude import skew
 from schuler.errors import InputError
 from schuler.estimate.vectors import triad, wahba_svd
 
-__all__ = ["MINIMUM_ROWS", "Weights", "solve", "weights"]
+__all__ = ["MINIMUM_ROWS", "Weights", "instants", "solve", "weights"]
 
 Array = NDArray[np.float64]
 
@@ -32,22 +34,24 @@ FORCE_SPAN = 0.1
 """The force at an instant is the mean over at least so long (s)."""
 
 
-def _instants(h: History) -> tuple[int, int, int]:
-    """Return the middle instant, the last one, and the rows that a force takes."""
+def instants(h: History, estimator: str) -> list[int]:
+    """Return the instants that an estimator differences: two spans (begin, end, begin, end)."""
     last = len(h) - 1
     middle = int(np.argmin(np.abs(h.t - 0.5 * h.duration)))
-    spacing = h.duration / last
-    width = min(max(int(np.ceil(FORCE_SPAN / spacing - 1e-6)), 1), max(last // 4, 1))
-    return middle, last, width
-
-
-def _pair(h: History, series: Array, estimator: str) -> tuple[Array, Array]:
-    """Return the two vectors of a TRIAD estimator out of a series at the instants."""
-    middle, last, width = _instants(h)
     if estimator == "integral-triad":
-        return series[middle] - series[0], series[last] - series[0]
-    a = middle - width // 2
-    return series[a + width] - series[a], series[last] - series[last - width]
+        return [0, middle, 0, last]
+    if estimator == "instants-triad":
+        spacing = h.duration / last
+        width = min(max(int(np.ceil(FORCE_SPAN / spacing - 1e-6)), 1), max(last // 4, 1))
+        begin = middle - width // 2
+        return [begin, begin + width, last - width, last]
+    return []
+
+
+def _pair(series: Array, rows: list[int]) -> tuple[Array, Array]:
+    """Return the two vectors of a TRIAD estimator out of a series at the instants."""
+    a, b, c, d = rows
+    return series[b] - series[a], series[d] - series[c]
 
 
 def solve(h: History, gravity: float, lat: float, estimator: str) -> Array:
@@ -73,8 +77,9 @@ def solve(h: History, gravity: float, lat: float, estimator: str) -> Array:
             f"the record has only {h.samples} samples ({h.duration:.3g} s): too few to align"
         )
     if estimator in ("integral-triad", "instants-triad"):
-        r1, r2 = _pair(h, h.theory(gravity, lat), estimator)
-        v1, v2 = _pair(h, h.velocity, estimator)
+        rows = instants(h, estimator)
+        r1, r2 = _pair(h.theory(gravity, lat), rows)
+        v1, v2 = _pair(h.velocity, rows)
         # The later vector carries the more signal: it is fitted exactly.
         return triad(r2, r1, v2, v1)
     n, sv, sb, sbv = h.sums()
@@ -83,37 +88,43 @@ def solve(h: History, gravity: float, lat: float, estimator: str) -> Array:
     return wahba_svd(gravity * gravity_direction(lat)[:, None] * sbv)
 
 
+@dataclass(frozen=True, eq=False)
 class Weights:
-    """How phi_0 answers to velocity errors: at the instants and over the stretches between.
+    """How phi_0 answers to velocity errors: at single instants and over stretches.
 
-    Attributes
+    Parameters
     ----------
-    point : (k, 3, 3) float64
-        phi_0 from an error at one instant alone (zero for estimators that take means).
-    block : (k - 1, 3, 3) float64
-        phi_0 from an error constant over one stretch (zero for TRIAD).
+    rows : (j,) int64
+        Instants of the whole history that enter alone (TRIAD, and the start).
+    point : (j, 3, 3) float64
+        phi_0 from an error at each of them.
+    position : (j,) int64
+        Where they are in the thinned history.
+    block : (m, 3, 3) float64
+        phi_0 from an error constant over one stretch of the thinned history.
     """
 
-    def __init__(self, point: Array, block: Array) -> None:
-        self.point = point
-        self.block = block
+    rows: Rows
+    point: Array
+    position: Rows
+    block: Array
 
     def nodal(self) -> Array:
-        """Return the weights (k, 3, 3) on the instants; a stretch gives half to each end."""
-        w = self.point.copy()
+        """Return weights (m + 1, 3, 3) on the thinned instants; a stretch gives half to each."""
+        w = np.zeros((len(self.block) + 1, 3, 3))
+        np.add.at(w, self.position, self.point)
         w[:-1] += 0.5 * self.block
         w[1:] += 0.5 * self.block
         return w
 
-    def offset(self) -> Array:
-        """Return phi_0 from an error that is constant over the whole record, (3, 3)."""
-        return np.asarray(self.point.sum(axis=0) + self.block.sum(axis=0))
+    def rotated(self, c: Array) -> Weights:
+        """Return the weights with phi turned into another frame by the matrix c."""
+        return replace(self, point=c @ self.point, block=c @ self.block)
 
 
-def _triad_weights(h: History, theory: Array, estimator: str) -> Array:
-    """Differentiate TRIAD at the two vectors and carry the result to the instants."""
-    point = np.zeros((len(h), 3, 3))
-    r1, r2 = _pair(h, theory, estimator)
+def _triad_weights(theory: Array, rows: list[int]) -> Array:
+    """Differentiate TRIAD at its two vectors; return the weights (4, 3, 3) of the instants."""
+    r1, r2 = _pair(theory, rows)
 
     def tilt(d1: Array, d2: Array) -> Array:
         r = triad(r2, r1, r2 + d2, r1 + d1)
@@ -121,40 +132,35 @@ def _triad_weights(h: History, theory: Array, estimator: str) -> Array:
         return -0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
 
     step = 1e-6 * float(min(np.linalg.norm(r1), np.linalg.norm(r2)))
-    j1, j2 = np.empty((3, 3)), np.empty((3, 3))
+    j = np.empty((2, 3, 3))
     zero = np.zeros(3)
     for axis in range(3):
         d = np.zeros(3)
         d[axis] = step
-        j1[:, axis] = (tilt(d, zero) - tilt(-d, zero)) / (2 * step)
-        j2[:, axis] = (tilt(zero, d) - tilt(zero, -d)) / (2 * step)
-    middle, last, width = _instants(h)
-    if estimator == "integral-triad":
-        for row, j in ((middle, j1), (last, j2)):
-            point[row] += j
-            point[0] -= j
-    else:
-        a = middle - width // 2
-        for low, high, j in ((a, a + width, j1), (last - width, last, j2)):
-            point[high] += j
-            point[low] -= j
-    return point
+        j[0, :, axis] = (tilt(d, zero) - tilt(-d, zero)) / (2 * step)
+        j[1, :, axis] = (tilt(zero, d) - tilt(zero, -d)) / (2 * step)
+    return np.stack([-j[0], j[0], -j[1], j[1]])
 
 
-def weights(h: History, gravity: float, lat: float, estimator: str) -> Weights:
-    """Return the weights of an estimator on the errors of v, in i0 (see the module).
+def weights(
+    h: History, gravity: float, lat: float, estimator: str, blocks: int
+) -> tuple[Weights, History]:
+    """Return the weights of an estimator on the errors of v, in i0, and the thinned history.
 
     For least squares phi_0 = A^-1 sum of G x e with A = sum of (|G|^2 I - G G^T), G centred or
     not; for TRIAD the derivative is taken numerically.
     """
-    theory = h.theory(gravity, lat)
-    k = len(h)
-    if estimator in ("integral-triad", "instants-triad"):
-        return Weights(_triad_weights(h, theory, estimator), np.zeros((k - 1, 3, 3)))
-    n = np.diff(h.updates)
-    mean = gravity * gravity_direction(lat) * h.block_means(slice(12, 15))
+    rows = instants(h, estimator)
+    if rows:
+        thin, position = h.thin(blocks, rows)
+        point = _triad_weights(h.theory(gravity, lat), rows)
+        block = np.zeros((len(thin) - 1, 3, 3))
+        return Weights(np.array(rows, np.int64), point, position, block), thin
+    thin, position = h.thin(blocks, [0])
+    n = np.diff(thin.updates)
+    mean = gravity * gravity_direction(lat) * thin.block_means(slice(12, 15))
     if estimator == "centred":
         mean = mean - (n @ mean) / n.sum()
     a = np.einsum("i,ij,ij->", n, mean, mean) * np.eye(3) - np.einsum("i,ij,ik->jk", n, mean, mean)
     block = np.linalg.solve(a, n[:, None, None] * skew(mean))
-    return Weights(np.zeros((k, 3, 3)), block)
+    return Weights(np.zeros(1, np.int64), np.zeros((1, 3, 3)), position, block), thin

@@ -23,9 +23,16 @@ from numpy.typing import NDArray
 from schuler.align.history import History, inertial_to_local
 from schuler.align.inertial import Weights, weights
 from schuler.attitude import quat_to_matrix, skew
-from schuler.sensors import ImuSpec
+from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
 
-__all__ = ["Responses", "analytic_responses", "inertial_responses", "instrument_budget"]
+__all__ = [
+    "Responses",
+    "analytic_responses",
+    "flicker_correlation",
+    "inertial_responses",
+    "instrument_budget",
+    "part_covariance",
+]
 
 Array = NDArray[np.float64]
 
@@ -39,8 +46,8 @@ class Responses:
 
     Parameters
     ----------
-    dt : (m,) float64
-        Length of each stretch, s.
+    t, dt : (m,) float64
+        Middle (since the start) and length of each stretch, s.
     attitude : (m, 3, 3) float64
         C_b^i0 in the middle of each stretch.
     gyro, accel : (m, 3, 3) float64
@@ -51,6 +58,7 @@ class Responses:
         Sampling interval, s.
     """
 
+    t: Array
     dt: Array
     attitude: Array
     gyro: Array
@@ -79,8 +87,7 @@ def inertial_responses(
     h: History, r: Array, gravity: float, lat: float, estimator: str, at_end: bool
 ) -> Responses:
     """Return the responses of an inertial-frame estimator with the solution `r` = C_ib0^i0."""
-    h = h.thin(BLOCKS)
-    w = weights(h, gravity, lat, estimator)
+    w, h = weights(h, gravity, lat, estimator, BLOCKS)
     nodal = w.nodal()
     dg = np.diff(h.theory(gravity, lat), axis=0)
     # An increment of stretch i is in v from node i + 1 on, half of it on average in between.
@@ -92,14 +99,14 @@ def inertial_responses(
     if at_end:
         gyro = gyro - np.eye(3)
     c = inertial_to_local(h.duration if at_end else 0.0, lat)
-    interval = h.duration / max(h.samples, 1)
     return Responses(
+        0.5 * (h.t[1:] + h.t[:-1]),
         np.diff(h.t),
         middle_attitude(h, r),
         c @ gyro,
         c @ accel,
-        Weights(c @ w.point, c @ w.block),
-        interval,
+        w.rotated(c),
+        h.duration / max(h.samples, 1),
     )
 
 
@@ -107,7 +114,7 @@ def analytic_responses(
     h: History, c_nb: Array, gravity: float, earth_rate: Array, base: str
 ) -> Responses:
     """Return the responses of the analytic method: means over the whole record, in n."""
-    h = h.thin(BLOCKS)
+    h, _ = h.thin(BLOCKS)
     g, (_, wn, wu) = gravity, earth_rate
     # phi_E and phi_N level the force; phi_U points the rate (spec of the analytic method).
     accel, gyro = np.zeros((3, 3)), np.zeros((3, 3))
@@ -122,6 +129,7 @@ def analytic_responses(
     total = h.duration
     m = len(h) - 1
     return Responses(
+        0.5 * (h.t[1:] + h.t[:-1]),
         np.diff(h.t),
         np.broadcast_to(c_nb, (m, 3, 3)),
         np.broadcast_to(gyro / total, (m, 3, 3)),
@@ -138,17 +146,25 @@ def flicker_correlation(dt: Array) -> Array:
     hundred times the record, three a decade: variance ln(ratio) / pi each.
     """
     t = np.cumsum(dt) - 0.5 * dt
-    steps = np.arange(np.log10(0.01 * dt.min()), np.log10(100.0 * dt.sum()), 1.0 / 3.0)
-    lag = np.abs(t[:, None] - t[None, :])
-    out = np.zeros_like(lag)
-    variance = np.log(10.0) / 3.0 / np.pi
     x = float(dt.mean())
+    even = float(np.ptp(dt)) < 0.1 * x
+    # On an even grid one row of lags says all.
+    lag = x * np.arange(len(dt)) if even else np.abs(t[:, None] - t[None, :])
+    steps = np.arange(np.log10(0.01 * dt.min()), np.log10(100.0 * dt.sum()), 1.0 / 3.0)
+    variance = np.log(10.0) / 3.0 / np.pi
+    out = np.zeros_like(lag)
+    diagonal = 0.0
     for tau in 10.0**steps:
         out += np.exp(-lag / tau)
-        # Within a stretch the process averages: replace the diagonal by the mean over it.
+        # Within a stretch the process averages.
         u = x / tau
-        mean = 2.0 * (u - 1.0 + np.exp(-u)) / u**2 if u > 1e-3 else 1.0 - u / 3.0
-        out[np.diag_indices_from(out)] += mean - 1.0
+        diagonal += 2.0 * (u - 1.0 + np.exp(-u)) / u**2 if u > 1e-3 else 1.0 - u / 3.0
+    if even:
+        out[0] = diagonal
+        k = np.arange(len(dt))
+        out = out[np.abs(k[:, None] - k[None, :])]
+    else:
+        np.fill_diagonal(out, diagonal)
     return np.asarray(variance * out)
 
 
@@ -156,41 +172,56 @@ def _squared(v: Array, weight: Array) -> Array:
     return np.asarray(np.einsum("iab,icb,i->ac", v, v, weight))
 
 
+def part_covariance(
+    part: GyroSpec | AccelerometerSpec, body: Array, dt: Array, interval: float
+) -> dict[str, Array]:
+    """Return the covariance (a, a) that each error type of a sensor triad or axis makes.
+
+    Parameters
+    ----------
+    part : GyroSpec or AccelerometerSpec
+    body : (m, a, b) float64
+        Response of a quantities to the increments of b axes, added evenly over each stretch.
+    dt : (m,) float64
+        Length of each stretch, s.
+    interval : float
+        Sampling interval, s.
+    """
+    out: dict[str, Array] = {}
+    total = body * dt[:, None, None]
+    if part.bias:
+        j = total.sum(axis=0)
+        out["bias"] = part.bias**2 * (j @ j.T)
+    if part.white:
+        out["white"] = part.white**2 * _squared(body, dt)
+    if part.quantisation:
+        inner = _squared(np.diff(body, axis=0), 2.0 * interval / (dt[1:] + dt[:-1]))
+        ends = body[0] @ body[0].T + body[-1] @ body[-1].T
+        out["quantisation"] = part.quantisation**2 * (inner + ends)
+    if part.bias_instability:
+        flat = total.reshape(len(total), -1)
+        mixed = (flicker_correlation(dt) @ flat).reshape(total.shape)
+        out["bias_instability"] = part.bias_instability**2 * np.einsum("iab,icb->ac", total, mixed)
+    if part.drift:
+        later = np.cumsum(total[::-1], axis=0)[::-1]
+        out["drift"] = part.drift**2 * _squared(later, dt)
+    return out
+
+
+_NAMES = {
+    "gyro": {"white": "angle_random_walk", "drift": "rate_random_walk"},
+    "accelerometer": {"white": "velocity_random_walk", "drift": "acceleration_random_walk"},
+}
+
+
 def instrument_budget(responses: Responses, spec: ImuSpec) -> dict[str, Array]:
     """Return the covariance of phi (3, 3), rad^2, of each error source of a specification."""
-    out: dict[str, Array] = {}
     r = responses
-    correlation: Array | None = None
+    out: dict[str, Array] = {}
     for name, v, part in (
         ("gyro", r.gyro, spec.gyro),
         ("accelerometer", r.accel, spec.accelerometer),
     ):
-        walk, drift = (
-            ("angle_random_walk", "rate_random_walk")
-            if name == "gyro"
-            else ("velocity_random_walk", "acceleration_random_walk")
-        )
-        body = v @ r.attitude
-        total = body * r.dt[:, None, None]
-        if part.bias:
-            j = total.sum(axis=0)
-            out[f"{name}_bias"] = part.bias**2 * (j @ j.T)
-        if part.white:
-            out[f"{name}_{walk}"] = part.white**2 * _squared(body, r.dt)
-        if part.quantisation:
-            change = np.diff(body, axis=0)
-            spacing = 0.5 * (r.dt[1:] + r.dt[:-1])
-            inner = _squared(change, r.interval / spacing)
-            ends = body[0] @ body[0].T + body[-1] @ body[-1].T
-            out[f"{name}_quantisation"] = part.quantisation**2 * (inner + ends)
-        if part.bias_instability:
-            if correlation is None:
-                correlation = flicker_correlation(r.dt)
-            mixed = (correlation @ total.reshape(len(total), 9)).reshape(total.shape)
-            out[f"{name}_bias_instability"] = part.bias_instability**2 * np.einsum(
-                "iab,icb->ac", total, mixed
-            )
-        if part.drift:
-            later = np.cumsum(total[::-1], axis=0)[::-1]
-            out[f"{name}_{drift}"] = part.drift**2 * _squared(later, r.dt)
+        for kind, cov in part_covariance(part, v @ r.attitude, r.dt, r.interval).items():
+            out[f"{name}_{_NAMES[name].get(kind, kind)}"] = cov
     return out
