@@ -101,7 +101,7 @@ def test_factor_and_dimension_agree_with_pint(registry, unit):
     factor, dimension = UNITS[unit]
     expected = registry.Quantity(1.0) * registry.parse_expression(PINT[unit])
     # `to` raises where the dimensions do not meet.
-    assert factor == pytest.approx(expected.to(SI[dimension]).magnitude, rel=1e-14)
+    assert factor == pytest.approx(expected.to(SI[dimension]).magnitude, rel=1e-14, abs=0)
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,9 @@ def test_spellings(spelling, unit):
 
 @pytest.mark.parametrize("unit", sorted(UNITS))
 def test_to_unit_is_the_way_back(unit):
-    assert to_unit(parse(f"-12.5 {unit}", UNITS[unit][1]), unit) == pytest.approx(-12.5, rel=1e-15)
+    assert to_unit(parse(f"-12.5 {unit}", UNITS[unit][1]), unit) == pytest.approx(
+        -12.5, rel=1e-15, abs=0
+    )
 
 
 @pytest.mark.parametrize(
@@ -170,7 +172,7 @@ def test_to_unit_is_the_way_back(unit):
     ],
 )
 def test_ways_to_write_a_number(text, value):
-    assert parse(text, "angular rate") == pytest.approx(value, rel=1e-15)
+    assert parse(text, "angular rate") == pytest.approx(value, rel=1e-15, abs=0)
 
 
 @pytest.mark.parametrize(
@@ -228,8 +230,8 @@ def test_parse_factor_error_sentences(text, sentence):
 
 
 def test_convert():
-    assert convert(1.0, "deg/s", "deg/h") == pytest.approx(3600.0, rel=1e-15)
-    assert convert(1.0, "mGal", "ug") == pytest.approx(1e-5 / 9.80665e-6, rel=1e-15)
-    assert convert(60.0, "deg/h/sqrt(Hz)", "deg/sqrt(h)") == pytest.approx(1.0, rel=1e-14)
+    assert convert(1.0, "deg/s", "deg/h") == pytest.approx(3600.0, rel=1e-15, abs=0)
+    assert convert(1.0, "mGal", "ug") == pytest.approx(1e-5 / 9.80665e-6, rel=1e-15, abs=0)
+    assert convert(60.0, "deg/h/sqrt(Hz)", "deg/sqrt(h)") == pytest.approx(1.0, rel=1e-14, abs=0)
     with pytest.raises(InputError, match=r"cannot convert angle \('deg'\) to length \('m'\)"):
         convert(1.0, "deg", "m")

@@ -27,11 +27,11 @@ def test_a_clean_record_has_nothing_to_say(rng):
     quality = quality_of(t, x)
     assert quality.warnings() == []
     assert (quality.rows, quality.valid_rows) == (2000, 2000)
-    assert quality.nominal_dt == pytest.approx(0.01, rel=1e-12)
+    assert quality.nominal_dt == pytest.approx(0.01, rel=1e-12, abs=0)
     assert quality.jitter_rms == 0.0
     np.testing.assert_allclose(quality.mean, x.mean(0), rtol=1e-12)
     np.testing.assert_allclose(quality.std, x.std(0), rtol=1e-6)
-    assert quality.mean_norm_accel == pytest.approx(9.8, rel=1e-4)
+    assert quality.mean_norm_accel == pytest.approx(9.8, rel=1e-4, abs=0)
     assert quality.mean_norm_gyro == pytest.approx(np.linalg.norm(x[:, :3], axis=1).mean())
 
 
@@ -64,7 +64,7 @@ def test_jitter(rng):
     t = t + rng.uniform(-2e-3, 2e-3, len(t))
     quality = quality_of(t, x)
     steps = np.diff(t)
-    assert quality.jitter_rms == pytest.approx(steps.std(), rel=1e-9)
+    assert quality.jitter_rms == pytest.approx(steps.std(), rel=1e-9, abs=0)
     assert quality.shortest_dt == steps.min()
     assert quality.longest_dt == steps.max()
     (sentence,) = quality.warnings()

@@ -54,12 +54,12 @@ def test_numbers():
     np.testing.assert_allclose(summary.mean_rate, record.dtheta.sum(0) / 600.0, rtol=1e-9)
     np.testing.assert_allclose(summary.mean_force, record.dvel.sum(0) / 600.0, rtol=1e-9)
     norm = np.linalg.norm(record.accel, axis=1)
-    assert summary.mean_force_norm == pytest.approx(norm.mean(), rel=1e-12)
+    assert summary.mean_force_norm == pytest.approx(norm.mean(), rel=1e-12, abs=0)
     # 180,000 second differences, which are correlated: well within 1 %.
-    assert summary.noise_gyro == pytest.approx(GYRO_NOISE, rel=0.01)
-    assert summary.noise_accel == pytest.approx(ACCEL_NOISE, rel=0.01)
+    assert summary.noise_gyro == pytest.approx(GYRO_NOISE, rel=0.01, abs=0)
+    assert summary.noise_accel == pytest.approx(ACCEL_NOISE, rel=0.01, abs=0)
     # White noise over a second: N / sqrt(1 s), from 1800 means.
-    assert summary.wander_rate == pytest.approx(GYRO_NOISE, rel=0.08)
+    assert summary.wander_rate == pytest.approx(GYRO_NOISE, rel=0.08, abs=0)
     assert summary.hints(SITE) == []
     assert summary.hints() == []
 
@@ -119,9 +119,9 @@ def test_dictionary_speaks_the_field_s_units():
     assert json.loads(json.dumps(found)) == found
     assert found["schema"] == "schuler.info/1"
     assert found["mean_rate_norm_deg_h"] == pytest.approx(15.04, abs=0.01)
-    assert found["mean_force_norm_m_s2"] == pytest.approx(SITE.gravity, rel=1e-5)
-    assert found["noise"]["gyro_deg_sqrt_h"] == pytest.approx(0.001, rel=0.02)
-    assert found["noise"]["accelerometer_ug_sqrt_hz"] == pytest.approx(20.0, rel=0.02)
+    assert found["mean_force_norm_m_s2"] == pytest.approx(SITE.gravity, rel=1e-5, abs=0)
+    assert found["noise"]["gyro_deg_sqrt_h"] == pytest.approx(0.001, rel=0.02, abs=0)
+    assert found["noise"]["accelerometer_ug_sqrt_hz"] == pytest.approx(20.0, rel=0.02, abs=0)
     assert found["quiet_s"] == pytest.approx(600.0)
 
 

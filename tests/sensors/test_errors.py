@@ -37,17 +37,25 @@ TABLE = {
 def check_bench_unit(spec):
     """Compare each field with a number worked out by hand."""
     gyro, accelerometer = spec.gyro, spec.accelerometer
-    assert gyro.bias == pytest.approx(0.01 * DEG / 3600)
-    assert gyro.angle_random_walk == gyro.white == pytest.approx(0.003 * DEG / 60)
-    assert gyro.quantisation == pytest.approx(0.5 * DEG / 3600)
-    assert gyro.bias_instability == pytest.approx(0.005 * DEG / 3600)
-    assert gyro.rate_random_walk == gyro.drift == pytest.approx(0.001 * DEG / 3600 / 60)
-    assert accelerometer.bias == pytest.approx(50 * UG)
-    assert accelerometer.velocity_random_walk == accelerometer.white == pytest.approx(20 * UG)
-    assert accelerometer.quantisation == pytest.approx(2e-4)
-    assert accelerometer.bias_instability == pytest.approx(10 * UG)
+    assert gyro.bias == pytest.approx(0.01 * DEG / 3600, rel=1e-12, abs=0)
+    assert gyro.angle_random_walk == gyro.white == pytest.approx(0.003 * DEG / 60, rel=1e-12, abs=0)
+    assert gyro.quantisation == pytest.approx(0.5 * DEG / 3600, rel=1e-12, abs=0)
+    assert gyro.bias_instability == pytest.approx(0.005 * DEG / 3600, rel=1e-12, abs=0)
+    assert (
+        gyro.rate_random_walk
+        == gyro.drift
+        == pytest.approx(0.001 * DEG / 3600 / 60, rel=1e-12, abs=0)
+    )
+    assert accelerometer.bias == pytest.approx(50 * UG, rel=1e-12, abs=0)
+    assert (
+        accelerometer.velocity_random_walk
+        == accelerometer.white
+        == pytest.approx(20 * UG, rel=1e-12, abs=0)
+    )
+    assert accelerometer.quantisation == pytest.approx(2e-4, rel=1e-12, abs=0)
+    assert accelerometer.bias_instability == pytest.approx(10 * UG, rel=1e-12, abs=0)
     assert accelerometer.acceleration_random_walk == accelerometer.drift
-    assert accelerometer.drift == pytest.approx(5 * UG / 60)
+    assert accelerometer.drift == pytest.approx(5 * UG / 60, rel=1e-12, abs=0)
     assert (spec.name, spec.source) == ("bench unit", "its data sheet")
 
 
@@ -68,7 +76,7 @@ def test_a_nameless_file_is_called_after_itself(tmp_path):
     path.write_text('[gyro]\nbias = "1 deg/h"\n[accelerometer]\n', encoding="utf-8")
     spec = ImuSpec.from_toml(path)
     assert spec.name == "rooftop"
-    assert spec.gyro == GyroSpec(bias=pytest.approx(DEG / 3600))
+    assert spec.gyro == GyroSpec(bias=pytest.approx(DEG / 3600, rel=1e-12, abs=0))
     assert spec.accelerometer == AccelerometerSpec()
 
 
@@ -107,14 +115,14 @@ def test_figures_are_those_of_the_product_sheet(name):
 
 def test_grades_by_hand():
     fog = GRADES["navigation-fog"]
-    assert fog.gyro.bias == pytest.approx(0.01 * DEG / 3600)
-    assert fog.accelerometer.bias == pytest.approx(50 * UG)
+    assert fog.gyro.bias == pytest.approx(0.01 * DEG / 3600, rel=1e-12, abs=0)
+    assert fog.accelerometer.bias == pytest.approx(50 * UG, rel=1e-12, abs=0)
     tactical = GRADES["tactical-fog"]
-    assert tactical.gyro.bias == pytest.approx(DEG / 3600)
+    assert tactical.gyro.bias == pytest.approx(DEG / 3600, rel=1e-12, abs=0)
     mems = GRADES["industrial-mems"]
-    assert mems.gyro.bias == pytest.approx(0.2 * DEG)
+    assert mems.gyro.bias == pytest.approx(0.2 * DEG, rel=1e-12, abs=0)
     # 0.029 m/s/sqrt(h) is about 49 ug/sqrt(Hz).
-    assert mems.accelerometer.white == pytest.approx(49.3 * UG, rel=1e-3)
+    assert mems.accelerometer.white == pytest.approx(49.3 * UG, rel=1e-3, abs=0)
     assert fog.gyro.bias < tactical.gyro.bias < mems.gyro.bias
 
 
