@@ -310,6 +310,7 @@ def test_binary(put: Put, rows: Array) -> None:
     assert len(read(path, columns="gx,gy,gz,ax,ay,az", rate=100)) == 39
 
 
+@pytest.mark.filterwarnings("ignore:overflow")  # where kernels run uncompiled
 def test_binary_errors(put: Put, rows: Array) -> None:
     whole = rows.astype("<f8").tobytes()
     fails(put(whole[:-3], "a.bin"), "2237 bytes are 39 rows of 56 bytes and 53 bytes more")

@@ -21,7 +21,7 @@ from hypothesis.extra import numpy as npst
 import schuler.io.registry as registry
 from schuler import InputError, Mapping, open_source, read, write
 from schuler.io import Content, readers, register
-from schuler.io.source import prefetch
+from schuler.io.flow import prefetch
 from schuler.record import ImuRecord
 from tests.io.conftest import HEADER, Array, make_rows, make_text, same
 

@@ -6,29 +6,26 @@ next one is read while the caller works. Memory does not grow with the file.
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
-
-import numpy as np
+from typing import IO
 
 from schuler.errors import InputError
+from schuler.io.cells import Cells, LineError
 from schuler.io.columns import Chosen, choose
 from schuler.io.content import Array, Block, Content
-from schuler.io.dialect import NUMBER, Dialect, NoRowsError, detect, split
+from schuler.io.dialect import Dialect, NoRowsError, detect, split
 from schuler.io.mapping import Mapping
+from schuler.io.parquet import own_mapping
 
 __all__ = ["TextReader", "TextTable", "arrange"]
 
 _BLOCK_BYTES = 4 << 20
 _HEAD = 1 << 16
 _LONGEST = 1 << 20
-_NULLS = ["", "NA", "N/A", "na", "n/a", "null", "NULL", "None"]
-_FORTRAN = re.compile(rb"([0-9.])[dD]([+-]?[0-9])")
 
 
 class TextReader:
@@ -53,7 +50,7 @@ class TextReader:
         table = TextTable(path, dialect, chosen.all, head=head)
         said = chosen.said()
         if own is not None:
-            said = _own_mapping(own).merged(said)
+            said = own_mapping(own).merged(said)
         return Content(
             blocks=lambda: arrange(table.blocks(), chosen),
             said=said,
@@ -78,14 +75,6 @@ def _look(file: IO[bytes], mapping: Mapping, stream: bool) -> tuple[bytes, Diale
             # A long preamble, or a pipe that has only just begun.
             if not more:
                 raise
-
-
-def _own_mapping(own: dict[str, Any]) -> Mapping:
-    return Mapping(
-        axes="RFU",
-        coning_corrected=bool(own.get("coning_corrected", False)),
-        sculling_corrected=bool(own.get("sculling_corrected", False)),
-    )
 
 
 def arrange(blocks: Iterator[dict[int, Array]], chosen: Chosen) -> Iterator[Block]:
@@ -133,8 +122,10 @@ class TextTable:
     block_bytes: int = 0
     notes: list[str] = field(default_factory=list)
     _read: int = 0
-    _repairs: bool = False
     _used: bool = False
+
+    def __post_init__(self) -> None:
+        self._cells = Cells(self.dialect, self.columns)
 
     def progress(self) -> float:
         """Fraction of the file that has been read; 0 for a stream."""
@@ -155,8 +146,8 @@ class TextTable:
                 try:
                     block, rest = self._cut(rest, piece, whole)
                     if block:
-                        yield self._parse(block)
-                except _LineError as error:
+                        yield self._cells.parse(block)
+                except LineError as error:
                     # Lines are counted only when one is wrong: counting costs as much as parsing
                     # a tenth of the file.
                     if not stream:
@@ -197,8 +188,8 @@ class TextTable:
                 try:
                     block, rest = self._cut(rest, piece, False)
                     if block:
-                        yield self._parse(block)
-                except _LineError as error:
+                        yield self._cells.parse(block)
+                except LineError as error:
                     raise error.at(line) from None
                 line += block.count(b"\n")
 
@@ -243,7 +234,7 @@ class TextTable:
         if end:
             return rest[:end], rest[end:] + piece
         if len(rest) + len(piece) > _LONGEST:
-            raise _LineError(0, "is longer than 1 MB: this is no table of rows")
+            raise LineError(0, "is longer than 1 MB: this is no table of rows")
         return b"", rest + piece
 
     def _end(self, rest: bytes) -> bytes:
@@ -256,118 +247,3 @@ class TextTable:
             self.notes.append(f"the last line is cut off and was dropped: '{tail[:60]}'")
             return rest[:begin]
         return rest + b"\n"
-
-    def _parse(self, block: bytes) -> dict[int, Array]:
-        import pyarrow as pa
-        from pyarrow import csv
-
-        d = self.dialect
-        clean = self._clean(block)
-        names = [str(i) for i in range(d.count)]
-        wanted = [str(i) for i in self.columns]
-        if not clean.strip():
-            return {i: np.empty(0) for i in self.columns}
-        read = csv.ReadOptions(column_names=names, block_size=1 << 20)
-        parse = csv.ParseOptions(delimiter=d.delimiter, quote_char='"' if d.quoted else False)
-        convert = csv.ConvertOptions(
-            column_types={name: pa.float64() for name in wanted},
-            include_columns=wanted,
-            null_values=_NULLS,
-            decimal_point=d.decimal,
-        )
-        # The system's pool gives memory back; Arrow's own keeps what a file once needed.
-        pool = pa.system_memory_pool()
-        while True:
-            try:
-                table = csv.read_csv(pa.BufferReader(clean), read, parse, convert, pool)
-            except pa.ArrowInvalid as error:
-                if self._repairs:
-                    raise self._diagnose(block, str(error)) from None
-                # Rare spellings are looked for only once something could not be read.
-                self._repairs = True
-                clean = _repaired(clean)
-                if not clean.strip():
-                    return {i: np.empty(0) for i in self.columns}
-                continue
-            return {i: _numbers(table.column(str(i))) for i in self.columns}
-
-    def _clean(self, block: bytes) -> bytes:
-        """Leave only rows, with one mark between cells."""
-        d = self.dialect
-        if any(mark in block for mark in d.comment):
-            marks = b"|".join(re.escape(mark) for mark in d.comment)
-            block = re.sub(rb"(?m)^[ \t]*(?:" + marks + rb")[^\n]*$", b"", block)
-        if d.delimiter == " ":
-            block = _single_blanks(block)
-        return _repaired(block) if self._repairs else block
-
-    def _diagnose(self, block: bytes, reason: str) -> _LineError:
-        """Find the first bad line in a block that could not be parsed."""
-        d = self.dialect
-        for i, raw in enumerate(block.split(b"\n")):
-            text = raw.decode("utf-8", errors="replace").strip(" \r")
-            if not text.strip() or text.strip().encode().startswith(d.comment):
-                continue
-            if "\r" in text or (d.quoted and text.count('"') % 2):
-                what = "carriage return" if "\r" in text else "quotation mark without its pair"
-                return _LineError(i, f"has a {what} inside: {text[:60]!r}; remove it")
-            cells = split(text, d.delimiter, quoted=d.quoted)
-            if len(cells) != d.count:
-                return _LineError(
-                    i,
-                    f"has {len(cells)} cells, expected {d.count}: '{text[:60]}'; "
-                    "repair or remove the line",
-                )
-            for j in self.columns:
-                cell = cells[j]
-                if d.decimal == ",":
-                    cell = cell.replace(",", ".") if "." not in cell else "."
-                if not NUMBER.fullmatch(cell):
-                    label = f"'{d.names[j]}'" if d.names else str(j + 1)
-                    return _LineError(
-                        i,
-                        f"column {label}: '{cells[j][:40]}' is not a number; "
-                        "repair the cell or leave it empty",
-                    )
-        return _LineError(0, f"and those after it cannot be parsed ({reason[:120]})")
-
-
-class _LineError(Exception):
-    """Something is wrong with line `i` (from 0) of a block."""
-
-    def __init__(self, i: int, text: str) -> None:
-        super().__init__(text)
-        self.i = i
-
-    def at(self, line: int) -> InputError:
-        mark = "" if str(self).startswith(("has", "is", "and")) else ","
-        return InputError(f"line {line + self.i}{mark} {self}")
-
-
-def _repaired(block: bytes) -> bytes:
-    """Turn Fortran's exponents into usual ones and empty lines of blanks."""
-    block = _FORTRAN.sub(rb"\1e\2", block)
-    return re.sub(rb"(?m)^[ \t\r]+$", b"", block)
-
-
-def _single_blanks(block: bytes) -> bytes:
-    """Leave one blank between cells and none at a line's ends."""
-    for mark in (b"\t", b"\r"):
-        if mark in block:
-            block = block.replace(mark, b" ")
-    # Whole-array comparisons: eight times faster than a pattern.
-    a = np.frombuffer(block, np.uint8)
-    blank = a == 32
-    drop = blank[:-1] & (blank | (a == 10))[1:]
-    if drop.any():
-        a = a[:-1][~drop] if blank[-1] else np.append(a[:-1][~drop], a[-1])
-        blank = a == 32
-    drop = blank[1:] & (a[:-1] == 10)
-    if drop.any():
-        a = np.append(a[:1], a[1:][~drop])
-    return a.tobytes().lstrip(b" ")
-
-
-def _numbers(column: Any) -> Array:
-    values = column.to_numpy()
-    return np.asarray(values, np.float64)

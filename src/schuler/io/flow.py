@@ -1,0 +1,85 @@
+"""Blocks made one ahead, and records joined without being held twice."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from schuler.io.content import Array, Block
+from schuler.record import ImuRecord, Quality
+
+__all__ = ["Whole", "prefetch"]
+
+
+class Whole:
+    """Joins records into arrays of about the right size, so that nothing is held twice."""
+
+    def __init__(self) -> None:
+        self.first: ImuRecord | None = None
+        self._n = 0
+        self._arrays: list[Array] = []
+
+    def add(self, part: ImuRecord, progress: float) -> None:
+        """Take the next record, after which this fraction of all has been read (0 unknown)."""
+        n = self._n + len(part)
+        if self.first is None:
+            self.first = part
+            self._arrays = [np.empty(0), np.empty(0), np.empty((0, 3)), np.empty((0, 3))]
+        if n > len(self._arrays[0]):
+            # What is never touched takes no memory, so the guess may be generous.
+            guess = int(n / progress * 1.05) if 0.0 < progress < 1.0 else n
+            room = max(n, guess if self._n == 0 else n + n // 2)
+            for i, old in enumerate(self._arrays):
+                self._arrays[i] = np.empty((room, *old.shape[1:]))
+                self._arrays[i][: self._n] = old[: self._n]
+        sources = (part.time, part.dt, part.dtheta, part.dvel)
+        for array, piece in zip(self._arrays, sources, strict=True):
+            array[self._n : n] = piece
+        self._n = n
+
+    def record(self, quality: Quality | None) -> ImuRecord:
+        """Return all that was taken."""
+        assert self.first is not None
+        time, dt, dtheta, dvel = (array[: self._n] for array in self._arrays)
+        return replace(self.first, time=time, dt=dt, dtheta=dtheta, dvel=dvel, quality=quality)
+
+
+def prefetch(blocks: Iterator[Block]) -> Iterator[Block]:
+    """Yield the same blocks while a thread makes the next one, and only that one."""
+    ready: queue.SimpleQueue[tuple[Block | None, BaseException | None]] = queue.SimpleQueue()
+    wanted = threading.Semaphore(1)
+    closed = threading.Event()
+
+    def work() -> None:
+        try:
+            while wanted.acquire() and not closed.is_set():
+                block = next(blocks, None)
+                ready.put((block, None))
+                if block is None:
+                    return
+                del block
+        except BaseException as error:
+            ready.put((None, error))
+
+    thread = threading.Thread(target=work, name="schuler-read", daemon=True)
+    thread.start()
+    try:
+        while True:
+            block, error = ready.get()
+            if error is not None:
+                raise error
+            if block is None:
+                return
+            wanted.release()
+            yield block
+    finally:
+        closed.set()
+        wanted.release()
+        thread.join()
+        close = getattr(blocks, "close", None)
+        if close is not None:
+            close()
