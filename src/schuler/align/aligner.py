@@ -217,17 +217,17 @@ class Aligner:
             return History.from_state(self._state, self._nodes)
         state, nodes = self._state.copy(), self._nodes.copy()
         rows = state[49 : 49 + 6 * waiting].reshape(waiting, 6).copy()
-        counted = state[30:ROW].copy()
-        total = state[41]
+        time, dt = (tail[-waiting:] for tail in self._tail)
+        # The plain sums had these samples already, and will have them again.
+        rate = np.linalg.norm(rows.reshape(-1, 2, 3), axis=2) / dt[:, None]
+        state[30:36] -= rows.sum(axis=0)
+        state[36:ROW] -= np.stack([rate, rate**2], axis=-1).sum(axis=0).ravel()
+        state[41] -= waiting
         state[48] = 0.0
         self._tracking.track(
-            state, nodes, 1, *self._flags,
-            self._tail[0][-waiting:], self._tail[1][-waiting:],
+            state, nodes, 1, *self._flags, time, dt,
             np.ascontiguousarray(rows[:, :3]), np.ascontiguousarray(rows[:, 3:]),
         )  # fmt: skip
-        # The plain sums had these samples already.
-        state[30:ROW] = counted
-        state[41] = total
         return History.from_state(state, nodes)
 
     def solution(self) -> Alignment:

@@ -101,6 +101,13 @@ class History:
         r = self.rows[-1]
         return float(r[1]), r[9:12], r[12:15], r[15:24].reshape(3, 3)
 
+    def second_moments(self, centred: bool) -> Array:
+        """Return the sum of b b^T (3, 3) at the end, about the mean of b or about zero."""
+        r = self.rows[-1]
+        xx, xy, xz, yy, yz, zz = r[24:30]
+        out = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        return out - np.outer(r[12:15], r[12:15]) / r[1] if centred else out
+
     def increments(self) -> tuple[Array, Array]:
         """Return the sums of angle (3,) and velocity increments (3,) in body axes at the end."""
         return self.rows[-1, 30:33], self.rows[-1, 33:36]

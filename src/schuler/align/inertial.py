@@ -158,9 +158,11 @@ def weights(
         return Weights(np.array(rows, np.int64), point, position, block), thin
     thin, position = h.thin(blocks, [0])
     n = np.diff(thin.updates)
-    mean = gravity * gravity_direction(lat) * thin.block_means(slice(12, 15))
+    d = gravity * gravity_direction(lat)
+    mean = d * thin.block_means(slice(12, 15))
     if estimator == "centred":
         mean = mean - (n @ mean) / n.sum()
-    a = np.einsum("i,ij,ij->", n, mean, mean) * np.eye(3) - np.einsum("i,ij,ik->jk", n, mean, mean)
+    s = thin.second_moments(estimator == "centred") * np.outer(d, d)
+    a = np.trace(s) * np.eye(3) - s
     block = np.linalg.solve(a, n[:, None, None] * skew(mean))
     return Weights(np.zeros(1, np.int64), np.zeros((1, 3, 3)), position, block), thin

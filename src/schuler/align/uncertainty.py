@@ -88,11 +88,14 @@ def inertial_responses(
 ) -> Responses:
     """Return the responses of an inertial-frame estimator with the solution `r` = C_ib0^i0."""
     w, h = weights(h, gravity, lat, estimator, BLOCKS)
-    nodal = w.nodal()
     dg = np.diff(h.theory(gravity, lat), axis=0)
-    # An increment of stretch i is in v from node i + 1 on, half of it on average in between.
-    later = np.cumsum(nodal[::-1], axis=0)[::-1][1:]
-    accel = later
+    # What is added evenly over a stretch is in v at the later ones in full, and in its own mean,
+    # taken at the ends of its n updates, by (n + 1) / 2n.
+    n = np.diff(h.updates)[:, None, None]
+    later = np.cumsum(w.block[::-1], axis=0)[::-1] - w.block
+    accel = later + (n + 1.0) / (2.0 * n) * w.block
+    for row, point in zip(w.position, w.point, strict=True):
+        accel[:row] += point
     force = accel @ skew(dg)
     tail = np.cumsum(force[::-1], axis=0)[::-1] - force
     gyro = -(tail + 0.5 * force)

@@ -104,8 +104,8 @@ class Summary:
         """
         gravity = STANDARD_GRAVITY if site is None else site.gravity
         spread = self.wander_rate / np.sqrt(max(self.duration, 1.0))
-        # A swing of a few degrees between the two ends is no unit error.
-        spread = float(np.hypot(spread, 1.0 * DEG / max(self.duration, 1.0)))
+        # A swing of a fraction of a degree between the two ends is no unit error.
+        spread = float(np.hypot(spread, 0.2 * DEG / max(self.duration, 1.0)))
         found = [
             force_hint(self.steady_force(gravity), gravity, self.interval),
             rate_hint(float(np.linalg.norm(self.mean_rate)), self.interval, gyro_bias, spread),
