@@ -140,3 +140,13 @@ def test_runs_at_the_extreme_are_counted():
     edges = np.flatnonzero(np.diff(np.r_[0, (x[:, 2] == 0.5) * 1 - (x[:, 2] == -0.5) * 1, 0]))
     assert state[42 + 2] == np.diff(edges).max()
     assert state[48] == 0
+
+
+@pytest.mark.parametrize("value", [1.01 * k.LARGEST, -1e200, 1.7e308])
+def test_a_value_beyond_any_instrument_stops_it(value):
+    t, x = ramp(20)
+    x[7, 4] = value
+    state, (time, _, _), code, row = feed(k.INCREMENTS, t, x)
+    assert (code, row) == (k.TOO_LARGE, 7)
+    assert len(time) == 7
+    assert np.isfinite(state).all()

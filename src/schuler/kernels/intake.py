@@ -35,8 +35,11 @@ from schuler.kernels._jit import kernel
 
 STATE_SIZE = 80
 
-OK, BACKWARD, REPEATED, GAP, BAD_TIME, OVERLAP = 0, 1, 2, 3, 4, 5
+OK, BACKWARD, REPEATED, GAP, BAD_TIME, OVERLAP, TOO_LARGE = 0, 1, 2, 3, 4, 5, 6
 RATES, MEAN_RATES, INCREMENTS = 0, 1, 2
+
+LARGEST = 1e12
+"""Beyond any instrument in any unit (SI); squares and sums of such values stay finite."""
 
 
 @kernel
@@ -82,6 +85,9 @@ def intake(state, kind, nominal, max_gap, t, x, out_t, out_dt, out, steps=None):
                 state[28] = ti
             state[17] += 1.0
             continue
+        for j in range(6):
+            if abs(x[i, j]) > LARGEST:
+                return m, TOO_LARGE, i
         started = state[1] == 1.0
         dt = nominal
         if started:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from schuler.errors import InputError
 from schuler.record.imu import ImuRecord
-from schuler.record.quality import Quality
+from schuler.record.quality import CHANNELS, Quality
 
 __all__ = ["KINDS", "Intake"]
 
@@ -176,6 +176,13 @@ class Intake:
         m, code, row = self._k.intake(
             self._state, self._code, nominal, max_gap, time, values, out_t, out_dt, out, dt
         )
+        if code == self._k.TOO_LARGE:
+            j = int(np.argmax(np.abs(values[row])))
+            raise InputError(
+                f"data row {base + row + 1} (t = {time[row]:.9g} s): {CHANNELS[j]} is "
+                f"{values[row, j]:.3g} in SI, more than any instrument gives; repair or remove "
+                "the row, or check columns and units"
+            )
         if code != self._k.OK:
             self._fail(code, base + row + 1, float(time[row]), max_gap)
         return ImuRecord(
