@@ -14,7 +14,7 @@ from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.motion import Static
 from schuler.simulate import simulate
-from tests.align.conftest import INERTIAL, SITE, phi_of
+from tests.align.conftest import INERTIAL, SITE, WHITE, phi_of
 
 
 @pytest.mark.parametrize("at", ["start", "end"])
@@ -101,6 +101,16 @@ def test_weights_are_the_derivative_of_the_estimator(still, method):
     assert found == pytest.approx(predicted, rel=0.02, abs=0.005 * np.abs(predicted).max())
 
 
-def test_too_few_samples(still):
-    with pytest.raises(InputError, match="too few to align"):
-        align(still.record.rows(0, 3), SITE)
+@pytest.mark.parametrize("method", ["centred", "wahba", "integral-triad", "analytic"])
+def test_too_few_samples(still, method):
+    """A span in which no disturbance could show is refused: its sigma would be nothing."""
+    for n in (1, 3, 9):
+        with pytest.raises(InputError, match=f"only {n} sample.* too few to align"):
+            align(still.record.rows(0, n), SITE, method)
+
+
+def test_the_shortest_span_does_not_feign_certainty(rng):
+    """White noise alone, 10 samples: the error is nowhere near five times the stated sigma."""
+    made = simulate(Static(30.0, 1.0, -2.0), SITE, 0.5, 20.0, WHITE, rng)
+    fix = align(made.record, SITE)
+    assert abs((fix.heading_deg - 30.0 + 180.0) % 360.0 - 180.0) * 60 < 5 * fix.sigma_arcmin[2]

@@ -72,7 +72,8 @@ def estimate(
     """Return the attitude of a history and its covariance by source."""
     if len(h) < MINIMUM_ROWS:
         raise InputError(
-            f"the record has only {h.samples} samples ({h.duration:.3g} s): too few to align"
+            f"the span from t = {h.start:.9g} s has only {h.samples} sample(s) "
+            f"({h.duration:.3g} s), too few to align: take a longer one"
         )
     orthonormality = None
     ratio = None

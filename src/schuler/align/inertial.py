@@ -27,8 +27,9 @@ __all__ = ["MINIMUM_ROWS", "Weights", "instants", "solve", "weights"]
 
 Array = NDArray[np.float64]
 
-MINIMUM_ROWS = 5
-"""Instants without which no estimator can work: two spans with two instants in each."""
+MINIMUM_ROWS = 11
+"""Instants without which the record cannot show its own disturbance: with fewer, no mode of the
+residual is free of the fit (see `disturbance`), and sigma would be nothing at all."""
 
 FORCE_SPAN = 0.1
 """The force at an instant is the mean over at least so long (s)."""
