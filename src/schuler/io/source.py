@@ -183,6 +183,12 @@ class Source:
                 empty = empty and not len(piece)
                 if len(piece):
                     yield from piece.chunks(size)
+            lost = intake.quality()
+            if empty and lost.rows and lost.not_finite == lost.rows:
+                raise InputError(
+                    f"each of the {lost.rows} data rows has a value that is not a finite number, "
+                    f"the first at {lost.first_not_finite}; name other columns with --columns"
+                )
             if empty and (start, stop) != (None, None):
                 raise InputError(
                     f"there are no samples between {'its start' if start is None else start} and "
@@ -277,6 +283,8 @@ class Source:
             )
         if not poll > 0:
             raise InputError(f"poll must be a positive time, got {poll}")
+        if idle is not None and not idle >= 0:
+            raise InputError(f"idle must be a time of 0 s or more, got {idle:g} s")
         self._intake = intake = self._new_intake(self._content)
         quiet = done = 0.0
         try:
