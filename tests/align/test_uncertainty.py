@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from schuler.align import align, limit
-from schuler.align.uncertainty import flicker_correlation, part_covariance
+from schuler.align.uncertainty import part_covariance
 from schuler.record import ImuRecord
 from schuler.sensors import GRADES, GyroSpec, ImuSpec
 from schuler.sensors.noise import corrupt
+from schuler.sensors.theory import flicker_correlation
 from tests.align.conftest import SITE, WHITE, phi_of
 from tests.conftest import chi_square_band
 

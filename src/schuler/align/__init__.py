@@ -12,7 +12,7 @@ from schuler.align.budget import (
 )
 from schuler.align.convergence import Convergence, convergence
 from schuler.align.disturbance import Residual, residual
-from schuler.align.limit import limit
+from schuler.align.limit import Limit, Position, limit, load_positions, position_limit
 from schuler.align.methods import METHODS, Analytic, Inertial, Method, parse_method
 from schuler.align.result import Alignment
 from schuler.align.windows import Windows, align_windows
@@ -24,7 +24,9 @@ __all__ = [
     "Analytic",
     "Convergence",
     "Inertial",
+    "Limit",
     "Method",
+    "Position",
     "Residual",
     "Windows",
     "align",
@@ -35,7 +37,9 @@ __all__ = [
     "inertial_error",
     "inertial_frame_error",
     "limit",
+    "load_positions",
     "parse_method",
+    "position_limit",
     "residual",
 ]
 

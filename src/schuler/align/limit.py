@@ -1,70 +1,163 @@
 """The Cramér-Rao limit of a static alignment: what no method can beat.
 
-A base at rest sees the force g up and the Earth's rate. For an unbiased reading of both over a
-time T the information on phi is sum of H^T S^-1 H, with H = [g x] for the force, [Omega x] for
-the rate, and S the covariance of their time averages: bias, white noise, bias instability, rate
-random walk and quantisation of the specification. No knowledge of phi beforehand is assumed.
+In position i a base at rest reads f = C_i^T (I + [phi x]) g up + nabla and
+w = C_i^T (I + [phi x]) w_ie + eps, with one phi and constant biases for all positions; the turns
+between them are taken as known. The noise of the readings' averages over stretches, correlated
+over all of the test by flicker and random walk, is weighted by its inverse covariance. The biases
+have the specification as their prior; phi has none.
 """
 
 from __future__ import annotations
 
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.align.uncertainty import flicker_correlation
-from schuler.attitude import skew
+from schuler.attitude import euler_to_quat, quat_to_matrix, skew
+from schuler.constants import DEG
 from schuler.earth import Site
 from schuler.errors import InputError
-from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
+from schuler.estimate.information import covariance_of, gls_information
+from schuler.sensors import ImuSpec
+from schuler.sensors.theory import mean_covariance
+from schuler.units import parse
 
-__all__ = ["limit", "mean_variance"]
+__all__ = ["Limit", "Position", "limit", "load_positions", "position_limit"]
 
 Array = NDArray[np.float64]
 
-_STEPS = 64
+_STEPS = 48
+"""Stretches into which the whole test is cut; a position has four at least."""
+
+_NAMES = (
+    "phi east", "phi north", "phi up",
+    "gyro bias x", "gyro bias y", "gyro bias z",
+    "accelerometer bias x", "accelerometer bias y", "accelerometer bias z",
+)  # fmt: skip
 
 
-def mean_variance(part: GyroSpec | AccelerometerSpec, duration: float, interval: float) -> float:
-    """Return the variance of the best estimate of a constant rate over a time.
+@dataclass(frozen=True)
+class Position:
+    """A dwell at an attitude: psi counter-clockwise, pitch and roll in degrees, dwell in s."""
 
-    Generalised least squares over all noise types, plus the bias squared.
+    heading_ccw_deg: float = 0.0
+    pitch_deg: float = 0.0
+    roll_deg: float = 0.0
+    dwell: float = 300.0
+
+    def __post_init__(self) -> None:
+        angles = (self.heading_ccw_deg, self.pitch_deg, self.roll_deg)
+        if not all(np.isfinite(angles)):
+            raise InputError(f"a position's angles must be finite, got {angles}")
+        if not (np.isfinite(self.dwell) and self.dwell > 0):
+            raise InputError(f"a position's dwell must be a positive time, got {self.dwell} s")
+
+    @property
+    def matrix(self) -> Array:
+        """C_b^n (3, 3)."""
+        euler = np.array([self.heading_ccw_deg, self.pitch_deg, self.roll_deg]) * DEG
+        return quat_to_matrix(euler_to_quat(euler))
+
+
+@dataclass(frozen=True, eq=False)
+class Limit:
+    """The best covariance that any estimator can have.
 
     Parameters
     ----------
-    part : GyroSpec or AccelerometerSpec
     duration : float
-        s.
-    interval : float
-        Sampling interval, s; it sets how far quantisation averages.
-
-    Returns
-    -------
-    float
-        (rad/s)^2 or (m/s^2)^2.
+        Time in all positions, s.
+    covariance : (9, 9) float64
+        Of phi (east, north, up; rad), gyro bias (rad/s) and accelerometer bias (m/s^2), both in
+        body axes.
     """
-    dt = np.full(_STEPS, duration / _STEPS)
-    t = np.cumsum(dt)
-    cov = np.diag(np.full(_STEPS, part.white**2 / dt[0]))
-    if part.bias_instability:
-        cov += part.bias_instability**2 * flicker_correlation(dt)
-    if part.drift:
-        # The mean of a random walk over a stretch: min(t, t') between, dt/3 within.
-        start = t - dt[0]
-        low = np.minimum(start[:, None], start[None, :])
-        cov += part.drift**2 * (low + 0.5 * dt[0] - np.eye(_STEPS) * dt[0] / 6.0)
-    if part.quantisation:
-        # Rounding to steps as fine as the sampling: the ends count, the samples inside average.
-        q = part.quantisation**2 / dt[0] ** 2
-        cov += q * (2.0 * np.eye(_STEPS) - np.eye(_STEPS, k=1) - np.eye(_STEPS, k=-1))
-        cov += np.eye(_STEPS) * q * interval / dt[0]
-    if not np.any(cov):
-        return part.bias**2
-    one = np.ones(_STEPS)
-    return float(part.bias**2 + 1.0 / (one @ np.linalg.solve(cov, one)))
+
+    duration: float
+    covariance: Array
+
+    @property
+    def phi(self) -> Array:
+        """Covariance of phi, rad^2, (3, 3)."""
+        return self.covariance[:3, :3]
+
+    @property
+    def sigma_arcmin(self) -> Array:
+        """1-sigma of phi, arcmin, (3,)."""
+        return np.asarray(np.sqrt(np.diag(self.phi)) / (DEG / 60.0))
+
+    @property
+    def gyro_bias(self) -> Array:
+        """1-sigma of the gyro bias that the test leaves, rad/s, (3,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)[3:6]))
+
+    @property
+    def accel_bias(self) -> Array:
+        """1-sigma of the accelerometer bias that the test leaves, m/s^2, (3,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)[6:9]))
+
+
+def _stretches(dwells: Array) -> tuple[NDArray[np.int64], Array, Array]:
+    """Return position, start and length of each stretch."""
+    count = np.maximum(4, np.round(_STEPS * dwells / dwells.sum()).astype(np.int64))
+    which = np.repeat(np.arange(len(dwells)), count)
+    dt = (dwells / count)[which]
+    return which, np.cumsum(dt) - dt, dt
+
+
+def position_limit(
+    spec: ImuSpec, site: Site, positions: Sequence[Position], interval: float = 0.01
+) -> Limit:
+    """Return the Cramér-Rao limit of dwells at a sequence of attitudes.
+
+    Parameters
+    ----------
+    spec : ImuSpec
+        The instrument; its biases are the prior. A sensor said to be free of errors is taken as a
+        billionth of its signal.
+    site : Site
+        Latitude and height.
+    positions : sequence of Position
+        One after the other; the turns between them take no time and are known exactly.
+    interval : float
+        Sampling interval, s.
+
+    Raises
+    ------
+    InputError
+        If there is no position, the interval is not positive, or phi cannot be seen (at a
+        pole).
+    """
+    if not positions:
+        raise InputError("a limit needs one position at least")
+    if not (np.isfinite(interval) and interval > 0):
+        raise InputError(f"the sampling interval must be a positive time, got {interval} s")
+    if abs(np.cos(site.latitude)) < 1e-6:
+        raise InputError("at a pole the Earth's rotation does not show the heading")
+    which, start, dt = _stretches(np.array([p.dwell for p in positions]))
+    turned = np.stack([p.matrix.T for p in positions])[which]
+    up = np.array([0.0, 0.0, site.gravity])
+    information = np.zeros((9, 9))
+    for part, signal, column in ((spec.gyro, site.earth_rate, 3), (spec.accelerometer, up, 6)):
+        size = float(np.linalg.norm(signal))
+        h = np.zeros((len(dt), 3, 9))
+        h[:, :, :3] = -turned @ skew(signal)
+        h[:, :, column : column + 3] = np.eye(3)
+        noise = mean_covariance(part, start, dt, interval)
+        # Noise that is negligible beside the bias keeps the inverse in its digits.
+        noise += np.eye(len(dt)) * max(1e-4 * part.bias, 1e-9 * size) ** 2
+        information += gls_information(h, noise)
+        bias = max(part.bias, 1e-9 * size)
+        information[range(column, column + 3), range(column, column + 3)] += 1.0 / bias**2
+    return Limit(float(dt.sum()), covariance_of(information, _NAMES))
 
 
 def limit(spec: ImuSpec, site: Site, duration: float, interval: float = 0.01) -> Array:
-    """Return the Cramér-Rao bound on the covariance of phi for a base at rest.
+    """Return the Cramér-Rao limit on the covariance of phi for a base at rest.
 
     Parameters
     ----------
@@ -80,23 +173,57 @@ def limit(spec: ImuSpec, site: Site, duration: float, interval: float = 0.01) ->
     Returns
     -------
     (3, 3) float64
-        rad^2 in ENU. A part of the instrument that is said to be free of any error is taken
-        as a millionth of its signal.
+        rad^2 in ENU; it does not depend on the attitude.
 
     Raises
     ------
     InputError
         If the duration or the interval is not positive.
     """
-    if not (np.isfinite(duration) and duration > 0 and interval > 0):
+    if not (np.isfinite(duration) and duration > 0):
         raise InputError(f"the duration must be a positive time, got {duration} s")
-    information = np.zeros((3, 3))
-    for part, signal in (
-        (spec.accelerometer, np.array([0.0, 0.0, site.gravity])),
-        (spec.gyro, site.earth_rate),
-    ):
-        floor = (1e-6 * float(np.linalg.norm(signal))) ** 2
-        variance = max(mean_variance(part, duration, interval), 1e-6 * floor)
-        h = skew(signal)
-        information += h.T @ h / variance
-    return np.asarray(np.linalg.inv(information))
+    return position_limit(spec, site, [Position(dwell=duration)], interval).phi
+
+
+def load_positions(path: str | Path) -> list[Position]:
+    """Read positions from TOML: ``[[position]]`` tables with angles and ``dwell = "300 s"``.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is not TOML, or holds a bad value, naming the position.
+    """
+    try:
+        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: is not valid TOML ({error})") from None
+    tables = data.pop("position", None)
+    if data or not isinstance(tables, list) or not tables:
+        raise InputError(f"{path}: expected one or more [[position]] tables and nothing else")
+    return [_position(table, f"{path}: position {k}") for k, table in enumerate(tables, 1)]
+
+
+def _position(table: Any, where: str) -> Position:
+    keys = ("heading_ccw_deg", "pitch_deg", "roll_deg", "dwell")
+    if not isinstance(table, dict):
+        raise InputError(f"{where}: expected a table")
+    unknown = set(table) - set(keys)
+    if unknown:
+        raise InputError(f"{where}: unknown key '{min(unknown)}'; the keys are {', '.join(keys)}")
+    values: dict[str, float] = {}
+    for key in keys:
+        if key not in table:
+            continue
+        value = table[key]
+        if key == "dwell":
+            values[key] = parse(value, "time", f"{where}: dwell")
+        elif isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError(f"{where}: {key}: expected a number of degrees, got {value!r}")
+        else:
+            values[key] = float(value)
+    try:
+        return Position(**values)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None

@@ -24,11 +24,11 @@ from schuler.align.history import History, inertial_to_local
 from schuler.align.inertial import Weights, weights
 from schuler.attitude import quat_to_matrix, skew
 from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
+from schuler.sensors.theory import flicker_correlation
 
 __all__ = [
     "Responses",
     "analytic_responses",
-    "flicker_correlation",
     "inertial_responses",
     "instrument_budget",
     "part_covariance",
@@ -140,35 +140,6 @@ def analytic_responses(
         None,
         total / max(h.samples, 1),
     )
-
-
-def flicker_correlation(dt: Array) -> Array:
-    """Return the correlation matrix (m, m) of 1/f noise with B = 1 between stretches.
-
-    Gauss-Markov processes with correlation times from a hundredth of the shortest stretch to a
-    hundred times the record, three a decade: variance ln(ratio) / pi each.
-    """
-    t = np.cumsum(dt) - 0.5 * dt
-    x = float(dt.mean())
-    even = float(np.ptp(dt)) < 0.1 * x
-    # On an even grid one row of lags says all.
-    lag = x * np.arange(len(dt)) if even else np.abs(t[:, None] - t[None, :])
-    steps = np.arange(np.log10(0.01 * dt.min()), np.log10(100.0 * dt.sum()), 1.0 / 3.0)
-    variance = np.log(10.0) / 3.0 / np.pi
-    out = np.zeros_like(lag)
-    diagonal = 0.0
-    for tau in 10.0**steps:
-        out += np.exp(-lag / tau)
-        # Within a stretch the process averages.
-        u = x / tau
-        diagonal += 2.0 * (u - 1.0 + np.exp(-u)) / u**2 if u > 1e-3 else 1.0 - u / 3.0
-    if even:
-        out[0] = diagonal
-        k = np.arange(len(dt))
-        out = out[np.abs(k[:, None] - k[None, :])]
-    else:
-        np.fill_diagonal(out, diagonal)
-    return np.asarray(variance * out)
 
 
 def _squared(v: Array, weight: Array) -> Array:

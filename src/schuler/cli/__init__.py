@@ -17,6 +17,7 @@ __all__ = ["cli", "main"]
 _COMMANDS = {
     "info": ("schuler.cli.info", "Look at a record: rate, gravity, Earth rate, noise, hints."),
     "align": ("schuler.cli.align", "Find north: heading, pitch and roll with their uncertainty."),
+    "limit": ("schuler.cli.limit", "Say how good an alignment can be at all: no record needed."),
     "demo": ("schuler.cli.demo", "Align a simulated truck and compare with the truth."),
 }
 

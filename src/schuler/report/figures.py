@@ -11,7 +11,17 @@ from schuler.align import Alignment, Convergence, Residual, Windows
 from schuler.constants import DEG
 from schuler.record import Summary
 
-__all__ = ["budget", "convergence", "raw", "residuals", "spectrum", "windows"]
+__all__ = [
+    "budget",
+    "convergence",
+    "figure_of",
+    "line_of",
+    "plot_layout",
+    "raw",
+    "residuals",
+    "spectrum",
+    "windows",
+]
 
 Array = NDArray[np.float64]
 
@@ -22,7 +32,8 @@ POINTS = 1500
 """Most points to a line."""
 
 
-def _layout(height: int, x: str, y: str, **more: Any) -> dict[str, Any]:
+def plot_layout(height: int, x: str, y: str, **more: Any) -> dict[str, Any]:
+    """Return a layout in the house style."""
     return {
         "height": height,
         "margin": {"l": 64, "r": 16, "t": 28, "b": 48},
@@ -35,14 +46,16 @@ def _layout(height: int, x: str, y: str, **more: Any) -> dict[str, Any]:
     }
 
 
-def _figure(traces: list[Any], layout: dict[str, Any]) -> Any:
+def figure_of(traces: list[Any], layout: dict[str, Any]) -> Any:
+    """Return a figure without Plotly's own template."""
     import plotly.graph_objects as go
 
     # The default template repeats itself in every figure: 7 kB that the page's style replaces.
     return go.Figure(traces, {"template": "none", **layout})
 
 
-def _line(x: Array, y: Array, name: str, colour: str, **more: Any) -> Any:
+def line_of(x: Array, y: Array, name: str, colour: str, **more: Any) -> Any:
+    """Return a line trace."""
     import plotly.graph_objects as go
 
     return go.Scatter(
@@ -71,12 +84,12 @@ def convergence(c: Convergence) -> Any:
     # The first instants are off by degrees: show what matters, the rest by zooming out.
     later = c.t >= 0.1 * c.t[-1]
     reach = 1.3 * float(np.max(np.abs(c.heading_deg[later] - final) + sigma[later]))
-    layout = _layout(360, "time used, s", "heading, deg")
+    layout = plot_layout(360, "time used, s", "heading, deg")
     layout["xaxis"].update(type="log")
     layout["yaxis"].update(range=[final - reach, final + reach], tickformat=".4~g")
-    line = _line(c.t, c.heading_deg, "heading", BLUE)
+    line = line_of(c.t, c.heading_deg, "heading", BLUE)
     line.hovertemplate = "%{y:.4f} deg"
-    return _figure(
+    return figure_of(
         [_band(c.t, c.heading_deg - sigma, c.heading_deg + sigma, "± 1 sigma"), line], layout
     )
 
@@ -107,15 +120,15 @@ def raw(summary: Summary, gravity: float) -> tuple[Any, Any]:
         for s in summary.stretches
         if s.disturbed
     ]  # fmt: skip
-    force = _layout(280, "time, s", "||f| - g|, m/s²", shapes=shades)
+    force = plot_layout(280, "time, s", "||f| - g|, m/s²", shapes=shades)
     force["yaxis"].update(type="log", exponentformat="power")
     mean = blocks[:, 11] / blocks[:, 2]
     rms = np.sqrt(np.maximum(blocks[:, 10] / blocks[:, 2] - gravity * (2 * mean - gravity), 0))
     largest = np.maximum(blocks[:, 13] - gravity, gravity - blocks[:, 14])
     vector = np.linalg.norm(blocks[:, 6:9], axis=1) / blocks[:, 1]
-    first = _figure(
+    first = figure_of(
         [
-            _line(t, np.maximum(value, 1e-9), name, colour, hovertemplate="%{y:.3g} m/s²")
+            line_of(t, np.maximum(value, 1e-9), name, colour, hovertemplate="%{y:.3g} m/s²")
             for value, name, colour in (
                 (largest, "largest", GREY),
                 (rms, "rms", BLUE),
@@ -124,11 +137,11 @@ def raw(summary: Summary, gravity: float) -> tuple[Any, Any]:
         ],
         force,
     )
-    rate = _layout(280, "time, s", "|w|, deg/s", shapes=shades)
+    rate = plot_layout(280, "time, s", "|w|, deg/s", shapes=shades)
     rate["yaxis"].update(type="log")
-    second = _figure(
+    second = figure_of(
         [
-            _line(t, np.maximum(value, 1e-12) / DEG, name, colour, hovertemplate="%{y:.3g} deg/s")
+            line_of(t, np.maximum(value, 1e-12) / DEG, name, colour, hovertemplate="%{y:.3g} deg/s")
             for value, name, colour in (
                 (blocks[:, 12], "largest", GREY),
                 (np.sqrt(blocks[:, 9] / blocks[:, 2]), "rms", BLUE),
@@ -142,10 +155,10 @@ def raw(summary: Summary, gravity: float) -> tuple[Any, Any]:
 
 def residuals(r: Residual, start: float) -> Any:
     """Draw the residual velocity, east, north and up."""
-    layout = _layout(320, "time, s", "residual velocity, mm/s")
-    return _figure(
+    layout = plot_layout(320, "time, s", "residual velocity, mm/s")
+    return figure_of(
         [
-            _line(start + r.t, 1e3 * r.mean[:, k], name, colour, hovertemplate="%{y:.3f} mm/s")
+            line_of(start + r.t, 1e3 * r.mean[:, k], name, colour, hovertemplate="%{y:.3f} mm/s")
             for k, (name, colour) in enumerate((("east", BLUE), ("north", ORANGE), ("up", GREEN)))
         ],
         layout,
@@ -162,12 +175,12 @@ def spectrum(r: Residual) -> Any:
     power = np.abs(np.fft.rfft(left * window[:, None], axis=0)) ** 2
     density: Array = np.sqrt(2.0 * step * power / np.sum(window**2))[1:]
     f: Array = np.fft.rfftfreq(n, step)[1:].astype(np.float64)
-    layout = _layout(320, "frequency, Hz", "mm/s/√Hz")
+    layout = plot_layout(320, "frequency, Hz", "mm/s/√Hz")
     layout["xaxis"].update(type="log")
     layout["yaxis"].update(type="log", exponentformat="power")
-    return _figure(
+    return figure_of(
         [
-            _line(f, 1e3 * np.maximum(density[:, k], 1e-12), name, colour,
+            line_of(f, 1e3 * np.maximum(density[:, k], 1e-12), name, colour,
                   hovertemplate="%{y:.3g}")
             for k, (name, colour) in enumerate(
                 (("east", BLUE), ("north", ORANGE), ("up", GREEN))
@@ -185,7 +198,7 @@ def budget(fix: Alignment) -> Any:
     total = float(fix.sigma_arcmin[2])
     names = [name.replace("_", " ") for name, _ in shares] + ["total"]
     values = [value**0.5 for _, value in shares] + [total]
-    layout = _layout(
+    layout = plot_layout(
         120 + 34 * len(names), "1 sigma of heading, arcmin", "", showlegend=False,
         hovermode="closest",
     )  # fmt: skip
@@ -218,7 +231,7 @@ def budget(fix: Alignment) -> Any:
                 "text": f"limit {bound[2]:.3g}'", "showarrow": False,
             }
         ]  # fmt: skip
-    return _figure(traces, layout)
+    return figure_of(traces, layout)
 
 
 def windows(w: Windows) -> Any:
@@ -231,13 +244,13 @@ def windows(w: Windows) -> Any:
     middle = 0.5 * (start + end)
     off = np.array([(x.heading_deg - mean + 180.0) % 360.0 - 180.0 for x in w.each]) * 60.0
     sigma = np.array([x.sigma_arcmin[2] for x in w.each])
-    layout = _layout(340, "time, s", f"heading - {mean:.4f} deg, arcmin", hovermode="closest")
+    layout = plot_layout(340, "time, s", f"heading - {mean:.4f} deg, arcmin", hovermode="closest")
     std = w.std_heading_arcmin
     edge: Array = np.array([start[0], end[-1]])
     traces = []
     if std is not None:
         traces.append(_band(edge, np.full(2, -std), np.full(2, std), f"± {std:.2f}' (spread)"))
-    traces.append(_line(edge, np.zeros(2), f"mean {mean:.4f} deg", BLUE, hoverinfo="skip"))
+    traces.append(line_of(edge, np.zeros(2), f"mean {mean:.4f} deg", BLUE, hoverinfo="skip"))
     traces.append(
         go.Scatter(
             x=middle, y=off, name="windows, ± 1 sigma predicted", mode="markers",
@@ -246,4 +259,4 @@ def windows(w: Windows) -> Any:
             hovertemplate="%{x:.6g} s: %{y:.2f}'<extra></extra>",
         )
     )  # fmt: skip
-    return _figure(traces, layout)
+    return figure_of(traces, layout)

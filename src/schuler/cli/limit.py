@@ -1,0 +1,120 @@
+"""The command ``schuler limit``, the best heading that anybody could reach."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from schuler.cli.common import Seconds, emit_json, site_options, site_or_none
+from schuler.errors import InputError
+
+__all__ = ["command"]
+
+
+@click.command("limit", context_settings={"help_option_names": ["-h", "--help"]})
+@click.option(
+    "--spec",
+    required=True,
+    metavar="GRADE|TOML",
+    help="The instrument: navigation-rlg, navigation-fog, tactical-fog, industrial-mems or a file.",
+)
+@site_options
+@click.option(
+    "--time",
+    "times",
+    metavar="LIST",
+    help="Times in all, as 60s,300s,10min (with --positions their dwells are stretched to it).",
+)
+@click.option(
+    "--positions",
+    metavar="TOML",
+    help="[[position]] tables: heading_ccw_deg, pitch_deg, "
+    'roll_deg, dwell = "300 s". One position without it.',
+)
+@click.option(
+    "--rate",
+    default=100.0,
+    show_default=True,
+    metavar="HZ",
+    help="Sampling rate: how far rounding averages.",
+)
+@click.option("--json", "json_to", metavar="OUT", help="Write the rows as JSON (- : here).")
+@click.option("--report", "report_to", metavar="OUT.html", help="Draw sigma against time.")
+def command(**options: Any) -> None:
+    r"""Print the Cramér-Rao limit of a static alignment, for any sequence of positions.
+
+    \b
+      schuler limit --spec navigation-fog --lat 40 --time 60s,300s,600s
+      schuler limit --spec mine.toml --lat 40 --positions two.toml --json -
+    """  # fmt: skip
+    from schuler.align import Position, load_positions, position_limit
+    from schuler.constants import DEG_PER_HOUR, MICRO_G
+    from schuler.sensors import load_spec
+
+    site = site_or_none(options)
+    if site is None:
+        raise InputError("the limit depends on the latitude: say --lat")
+    rate = options["rate"]
+    if not rate > 0:
+        raise InputError(f"--rate must be a positive number of Hz, got {rate}")
+    spec = load_spec(options["spec"])
+    assert spec is not None
+    positions = load_positions(options["positions"]) if options["positions"] else [Position()]
+    total = sum(p.dwell for p in positions)
+    if options["times"]:
+        convert = Seconds().convert
+        times = [convert(text.strip(), None, None) for text in options["times"].split(",")]
+    elif options["positions"]:
+        times = [total]
+    else:
+        times = [60.0, 300.0, 600.0]
+
+    def at(time: float) -> Any:
+        if not time > 0:
+            raise InputError(f"--time: expected positive times, got {time:g} s")
+        scaled = [
+            Position(p.heading_ccw_deg, p.pitch_deg, p.roll_deg, p.dwell * time / total)
+            for p in positions
+        ]
+        return position_limit(spec, site, scaled, 1.0 / rate)
+
+    limits = [at(t) for t in times]
+    rows = [
+        {
+            "time_s": found.duration,
+            "sigma_arcmin": dict(
+                zip(("east", "north", "up"), map(float, found.sigma_arcmin), strict=True)
+            ),
+            "gyro_bias_deg_h": [float(v) / DEG_PER_HOUR for v in found.gyro_bias],
+            "accel_bias_ug": [float(v) / MICRO_G for v in found.accel_bias],
+        }
+        for found in limits
+    ]
+    if options["json_to"] is not None:
+        data = {
+            "schema": "schuler.limit/1",
+            "spec": spec.name,
+            "latitude_deg": site.lat,
+            "positions": len(positions),
+            "rows": rows,
+        }
+        emit_json(data, options["json_to"])
+    if options["report_to"] is not None:
+        from schuler.report.limit import limit_report
+
+        limit_report(at, spec, site, positions, times, options["report_to"])
+    if options["json_to"] != "-":
+        click.echo(
+            f"limit of phi, and what the test leaves of the biases (body x, y, z): {spec.name}"
+        )
+        click.echo(f"{'time s':>10}  {'east':>9}  {'north':>9}  {'up':>9}   {'gyro deg/h':^26}   "
+                   f"{'accelerometer ug':^26}")  # fmt: skip
+        for row in rows:
+            sigma = row["sigma_arcmin"]
+            gyro = " ".join(f"{v:8.3g}" for v in row["gyro_bias_deg_h"])
+            accel = " ".join(f"{v:8.3g}" for v in row["accel_bias_ug"])
+            click.echo(
+                f"{row['time_s']:10.6g}  {sigma['east']:8.4g}'  {sigma['north']:8.4g}'  "
+                f"{sigma['up']:8.4g}'   {gyro}   {accel}"
+            )
