@@ -36,6 +36,7 @@ def open_source(
     mapping: Mapping | str | Path | None = None,
     *,
     max_gap: float | None = None,
+    wait: float | None = None,
     **mapping_overrides: Any,
 ) -> Source:
     """Open a file and settle what its numbers mean, without reading them.
@@ -49,6 +50,8 @@ def open_source(
         beside ``truck.csv`` is used by itself; what is given here wins over it.
     max_gap : float, optional
         Longest gap that is bridged, s; six and a half sampling intervals when not given.
+    wait : float, optional
+        How long to wait for the first row of a text file that has only begun to grow, s.
     **mapping_overrides
         Single fields of `Mapping`, which win over `mapping`: ``gyro="deg/s"``, ``axes="FRD"``.
 
@@ -66,7 +69,7 @@ def open_source(
         mapping = Mapping.from_toml(mapping)
     if mapping_overrides:
         mapping = (mapping or Mapping()).merged(Mapping.from_cli(**mapping_overrides))
-    return Source(path, mapping, max_gap=max_gap)
+    return Source(path, mapping, max_gap=max_gap, wait=wait)
 
 
 def read(

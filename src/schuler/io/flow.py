@@ -1,4 +1,4 @@
-"""Blocks made one ahead, and records joined without being held twice."""
+"""Blocks made one ahead, records joined without being held twice, pipes asked before a read."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import queue
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import IO
 
 import numpy as np
 
 from schuler.io.content import Array, Block
 from schuler.record import ImuRecord, Quality
 
-__all__ = ["Whole", "prefetch"]
+__all__ = ["Whole", "prefetch", "readable"]
 
 
 class Whole:
@@ -83,3 +84,18 @@ def prefetch(blocks: Iterator[Block]) -> Iterator[Block]:
         close = getattr(blocks, "close", None)
         if close is not None:
             close()
+
+
+def readable(file: IO[bytes], seconds: float) -> bool:
+    """Say whether a pipe has something to read, or has ended, within so many seconds.
+
+    True where the system cannot tell: the read itself will wait then.
+    """
+    import math
+    import select
+
+    try:
+        found = select.select([file], [], [], seconds if math.isfinite(seconds) else None)[0]
+    except (OSError, ValueError, TypeError):
+        return True
+    return bool(found)

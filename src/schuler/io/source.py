@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time as clock
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -12,7 +13,8 @@ import numpy as np
 
 from schuler.errors import InputError
 from schuler.io.content import Block, Content
-from schuler.io.flow import Whole, prefetch
+from schuler.io.dialect import NoRowsError, detect
+from schuler.io.flow import Whole, prefetch, readable
 from schuler.io.mapping import Mapping
 from schuler.io.meaning import settle
 from schuler.io.registry import find_reader
@@ -24,6 +26,8 @@ __all__ = ["FOLDER_MAPPING", "Source"]
 FOLDER_MAPPING = "schuler-mapping.toml"
 
 _HEAD = 1 << 16
+_LONG_HEAD = 1 << 20
+_POLL = 0.2
 
 
 class Source:
@@ -38,6 +42,9 @@ class Source:
         over what the file says of itself, and that over the folder's ``schuler-mapping.toml``.
     max_gap : float, optional
         Longest gap that is bridged, s; six and a half sampling intervals when not given.
+    wait : float, optional
+        How long to wait for the first whole row of a text file that has only begun to grow, or
+        for standard input's first byte, s; not at all, when not given.
 
     Attributes
     ----------
@@ -66,7 +73,12 @@ class Source:
     """
 
     def __init__(
-        self, path: str | Path, mapping: Mapping | None = None, *, max_gap: float | None = None
+        self,
+        path: str | Path,
+        mapping: Mapping | None = None,
+        *,
+        max_gap: float | None = None,
+        wait: float | None = None,
     ) -> None:
         self.path = Path(path)
         self._label = "standard input" if self.path == Path("-") else str(path)
@@ -74,7 +86,7 @@ class Source:
         self._quality: Quality | None = None
         self._intake: Intake | None = None
         try:
-            given, folder, notes, self.size, head = self._look(mapping or Mapping())
+            given, folder, notes, self.size, head = self._look(mapping or Mapping(), wait)
             reader = find_reader(self.path, head)
             self.format = reader.name
             # The folder's units are for files that state none: the reader must not see them.
@@ -99,10 +111,16 @@ class Source:
     def __repr__(self) -> str:
         return f"Source({self._label!r}, {self.format}: {self.meaning})"
 
-    def _look(self, mapping: Mapping) -> tuple[Mapping, Mapping, list[str], int | None, bytes]:
+    def _look(
+        self, mapping: Mapping, wait: float | None
+    ) -> tuple[Mapping, Mapping, list[str], int | None, bytes]:
         """Find the sidecars, and read the file's beginning."""
         folder = Mapping()
+        if wait is not None and not wait >= 0:
+            raise InputError(f"the time to wait for rows must be 0 s or more, got {wait:g} s")
         if self.path == Path("-"):
+            if wait is not None and not readable(sys.stdin.buffer, wait):
+                raise InputError(f"nothing came in {wait:g} s")
             return mapping, folder, [], None, b""
         if self.path.is_dir():
             raise InputError("is a folder; name a file in it")
@@ -117,12 +135,32 @@ class Source:
         if sidecar.is_file():
             mapping = Mapping.from_toml(sidecar).merged(mapping)
             notes.append(f"the mapping beside it, '{sidecar.name}', was used")
+        if wait is not None:
+            self._wait(folder.merged(mapping), wait)
         with self.path.open("rb") as file:
             head = file.read(_HEAD)
         size = self.path.stat().st_size
         if not head:
             raise InputError("is empty")
         return mapping, folder, notes, size, head
+
+    def _wait(self, mapping: Mapping, patience: float) -> None:
+        """Wait until a text file holds a whole row; opening it says what else is wrong."""
+        end = clock.monotonic() + patience
+        while clock.monotonic() < end:
+            with self.path.open("rb") as file:
+                head = file.read(_LONG_HEAD)
+            if head and (len(head) == _LONG_HEAD or find_reader(self.path, head).name != "text"):
+                return
+            try:
+                # A last line without its end may still be half a row.
+                detect(head, False, mapping)
+            except NoRowsError:
+                clock.sleep(_POLL)
+            except InputError:
+                return
+            else:
+                return
 
     def _new_intake(self, content: Content) -> Intake:
         m = self._meaning.mapping
@@ -254,7 +292,7 @@ class Source:
 
     def follow(
         self,
-        poll: float = 0.2,
+        poll: float = _POLL,
         idle: float | None = None,
         stop: Callable[[], bool] | None = None,
     ) -> Iterator[ImuRecord]:

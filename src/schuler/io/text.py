@@ -18,6 +18,7 @@ from schuler.io.cells import Cells, LineError
 from schuler.io.columns import Chosen, choose
 from schuler.io.content import Array, Block, Content
 from schuler.io.dialect import Dialect, NoRowsError, detect, split
+from schuler.io.flow import readable
 from schuler.io.mapping import Mapping
 from schuler.io.parquet import own_mapping
 
@@ -173,6 +174,9 @@ class TextTable:
             rest = self._begin(file)
             pending = bool(rest)
             while True:
+                if stream and not pending and not readable(file, 0.0):
+                    yield None
+                    continue
                 # What a pipe holds now is passed on now.
                 take = file.read1 if stream else file.read  # type: ignore[attr-defined]
                 piece = b"" if pending else take(_BLOCK_BYTES)
