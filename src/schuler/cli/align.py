@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time as clock
 from typing import TYPE_CHECKING, Any
@@ -74,7 +75,7 @@ def command(**options: Any) -> None:
         raise InputError("--follow aligns all that comes: leave out --windows, --start and --stop")
     if idle is not None and not follow:
         raise InputError("--idle goes with --follow")
-    source = open_file(options)
+    source, finish = open_file(options, (math.inf if idle is None else idle) if follow else None)
     site = site_or_none(options, source)
     if site is None:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
@@ -104,6 +105,7 @@ def command(**options: Any) -> None:
         report(windows or fix, report_to)
     if json_to != "-":
         _print(fix, windows)
+    finish()
     say_warnings(fix.warnings)
 
 

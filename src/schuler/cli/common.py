@@ -139,8 +139,16 @@ site_options = _stack(
 )
 
 
-def open_file(options: dict[str, Any]) -> Source:
-    """Open the file of `file_options`, taking its options out of the dictionary."""
+def open_file(
+    options: dict[str, Any], wait: float | None = None
+) -> tuple[Source, Callable[[], None]]:
+    """Open the file of `file_options`, taking its options out of the dictionary.
+
+    Returns
+    -------
+    Source, callable
+        The second saves the mapping where that is asked for; call it once all has gone well.
+    """
     from schuler.io import Mapping, open_source
 
     said = {key: options.pop(key) for key in _MAPPING_KEYS}
@@ -148,12 +156,17 @@ def open_file(options: dict[str, Any]) -> Source:
     mapping = options.pop("mapping")
     base = Mapping.from_toml(mapping) if mapping else None
     given = (base or Mapping()).merged(Mapping.from_cli(**said))
-    source = open_source(path, given, max_gap=options.pop("max_gap"))
-    if save:
-        if str(path) == "-":
-            raise InputError("--save-mapping: standard input has no place to save it beside")
-        given.to_toml(f"{path}.toml")
-    return source
+    if save and str(path) == "-":
+        raise InputError("--save-mapping: standard input has no place to save it beside")
+    source = open_source(path, given, max_gap=options.pop("max_gap"), wait=wait)
+
+    def finish() -> None:
+        if save:
+            sidecar = Path(f"{path}.toml")
+            before = Mapping.from_toml(sidecar) if sidecar.is_file() else Mapping()
+            before.merged(given).to_toml(sidecar)
+
+    return source, finish
 
 
 def site_or_none(options: dict[str, Any], source: Source | None = None) -> Site | None:

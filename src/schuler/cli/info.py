@@ -36,7 +36,7 @@ def command(**options: Any) -> None:
 
     json_to = options.pop("json_to")
     start, stop = options.pop("start"), options.pop("stop")
-    source = open_file(options)
+    source, finish = open_file(options)
     site = site_or_none(options, source)
     summariser = Summariser()
     with progress(source, source.chunks(start=start, stop=stop)) as chunks:
@@ -61,6 +61,7 @@ def command(**options: Any) -> None:
         emit_json(data, json_to)
     if json_to != "-":
         _print(source, summary, site)
+    finish()
     say_warnings(warnings)
 
 

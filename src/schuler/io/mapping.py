@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from schuler._files import replacing
 from schuler.errors import InputError
 from schuler.io.axes import parse_axes
 from schuler.units import parse_factor
@@ -248,10 +249,8 @@ class Mapping:
             data["columns"] = list(data["columns"])
         if "variables" in data:
             data["variables"] = dict(data["variables"])
-        try:
-            Path(path).write_text(tomli_w.dumps(data), encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written ({error.strerror})") from None
+        with replacing(path) as temporary:
+            temporary.write_text(tomli_w.dumps(data), encoding="utf-8")
 
 
 def _columns(given: object) -> tuple[str | int, ...]:
