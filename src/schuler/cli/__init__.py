@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from importlib import import_module
 
@@ -66,10 +65,6 @@ def main(arguments: list[str] | None = None) -> None:
         _stop(error.format_message(), 2)
     except (click.Abort, KeyboardInterrupt):
         _stop("stopped", 130)
-    except BrokenPipeError:
-        # The reader of our output has gone; nothing is left to say, and no one to say it to.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(141)
     except MemoryError:
         _stop("there is not enough memory for this; cut the record with --start and --stop", 2)
     else:
