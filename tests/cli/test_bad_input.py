@@ -207,7 +207,10 @@ ERRORS: dict[str, tuple[Make, str]] = {
     ),
     "time stands still": (spoilt(put((slice(None), 0), 3.0)), "time"),
     "long gap": (spoilt(add((slice(800, None), 0), 30.0)), r"row 801 .*a gap of 30.05 s"),
-    "all-NaN column": (spoilt(put((slice(None), 2), np.nan)), r"each of the 1200 data rows .*data row 1 \(t = 0.05 s\), gyro y"),
+    "all-NaN column": (
+        spoilt(put((slice(None), 2), np.nan)),
+        r"each of the 1200 data rows .*data row 1 \(t = 0.05 s\), gyro y",
+    ),
     "all NaN": (spoilt(put((slice(None), ALL), np.nan)), "each of the 1200 data rows"),
     "zeros everywhere": (spoilt(put((slice(None), ALL), 0.0)), "read nothing"),
     "dead accelerometers": (spoilt(put((slice(None), FORCES), 0.0)), "accelerometers read nothing"),
@@ -333,7 +336,8 @@ def at_its_limit(x: Array) -> None:
 
 WARNINGS: dict[str, tuple[Make, str]] = {
     "a few NaN": (
-        spoilt(put((slice(100, 103), 2), np.nan)), r"3 row\(s\) .*dropped, .*data row 101 .*gyro y"),
+        spoilt(put((slice(100, 103), 2), np.nan)),
+        r"3 row\(s\) .*dropped, .*data row 101 .*gyro y"),
     "empty cells": (text(set_cell(20, 3, "")), r"1 row\(s\) .*data row 20 "),
     "infinity": (spoilt(put((30, 5), np.inf)), r"1 row\(s\) .*data row 31 .*accel y"),
     "repeated rows": (spoilt(lambda x: np.repeat(x, [1] * 99 + [2] + [1] * 1100, axis=0)),
