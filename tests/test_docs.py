@@ -1,0 +1,285 @@
+"""The documentation runs: its Python, its commands, its examples, its schemas, its table.
+
+A page's ``python`` and ``console`` blocks are run from top to bottom in one folder and, for
+Python, one namespace. What a block prints must be what stands below it: in the ``text`` block that
+follows Python, or under its ``$ schuler`` line. Numbers may differ by one in their last printed
+digit. With SCHULER_WRITE_DOCS=1 the pages are rewritten instead of compared.
+
+Blocks on ``lasergyro.imu`` need the real record and are run apart.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from tests.conftest import ROOT
+
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *sorted(p for p in DOCS.glob("*.md") if p.stem != "benchmarks")]
+REAL = "lasergyro.imu"
+WRITE = os.environ.get("SCHULER_WRITE_DOCS") == "1"
+
+_BLOCK = re.compile(
+    r"^```(?P<kind>python|console)\n(?P<body>.*?)^```\n(?:\n```text\n(?P<text>.*?)^```\n)?",
+    re.MULTILINE | re.DOTALL,
+)
+_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+
+
+def blocks(page: Path, real: bool) -> list[re.Match[str]]:
+    """Return the blocks of a page that can run without the real record, or (real) all of them."""
+    found = list(_BLOCK.finditer(page.read_text(encoding="utf-8")))
+    return found if real else [m for m in found if REAL not in m["body"]]
+
+
+def needs_record(page: Path) -> bool:
+    """Say whether a page has a block on the real record."""
+    return len(blocks(page, real=True)) > len(blocks(page, real=False))
+
+
+def run_command(line: str, folder: Path) -> str:
+    """Run a ``schuler`` command; return what it says, warnings last."""
+    words = shlex.split(line)
+    assert words[0] == "schuler", line
+    done = subprocess.run(
+        [sys.executable, "-m", *words], cwd=folder, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, f"{line}\n{done.stderr}"
+    return done.stdout + done.stderr
+
+
+def same(found: str, written: str) -> bool:
+    """Say whether two texts agree, their numbers to one in the last printed digit."""
+    a, b = ([line.rstrip() for line in text.strip().splitlines()] for text in (found, written))
+    a, b = "\n".join(a), "\n".join(b)
+    if _NUMBER.sub("0", a) != _NUMBER.sub("0", b):
+        return False
+    for x, y in zip(_NUMBER.findall(a), _NUMBER.findall(b), strict=True):
+        mantissa, _, power = y.lower().partition("e")
+        unit = 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2]))
+        if abs(float(x) - float(y)) > 1.01 * unit:
+            return False
+    return True
+
+
+def run_python(code: str, space: dict[str, Any]) -> str:
+    """Run a block in a namespace; return what it prints."""
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        exec(compile(code, "docs", "exec"), space)
+    return out.getvalue()
+
+
+def run_page(page: Path, folder: Path, real: bool) -> list[tuple[str, str]]:
+    """Run a page's blocks; return each block as it is and as it should be."""
+    space: dict[str, Any] = {"__name__": "docs"}
+    changes = []
+    for m in blocks(page, real):
+        if m["kind"] == "python":
+            out = run_python(m["body"], space)
+            if m["text"] is None:
+                assert not out.strip(), f"{page.name} prints without saying so:\n{m['body']}{out}"
+                continue
+            if same(out, m["text"]) or (real and REAL not in m["body"]):
+                continue
+            wanted = "\n".join(line.rstrip() for line in out.strip("\n").splitlines())
+            changes.append((m[0], f"```python\n{m['body']}```\n\n```text\n{wanted}\n```\n"))
+            continue
+        body, different = "", False
+        parts = re.split(r"^(?=\$ )", m["body"].replace("\\\n", ""), flags=re.MULTILINE)
+        for part, shown in zip(
+            [p for p in parts if p.strip()],
+            [p for p in re.split(r"^(?=\$ )", m["body"], flags=re.MULTILINE) if p.strip()],
+            strict=True,
+        ):
+            line, _, written = part.partition("\n")
+            head = shown[: len(shown) - len(written)]
+            out = run_command(line[2:], folder)
+            # A command with nothing below it shows that it works, no more.
+            different |= bool(written.strip()) and not same(out, written)
+            kept = "\n".join(text.rstrip() for text in out.rstrip().splitlines()) + "\n"
+            body += head + (kept if written.strip() else "")
+        if different and (REAL in m["body"]) == real:
+            changes.append((m[0], f"```console\n{body}```\n"))
+    return changes
+
+
+def settle(page: Path, changes: list[tuple[str, str]]) -> None:
+    """Rewrite the page, or fail with what differs."""
+    if WRITE:
+        text = page.read_text(encoding="utf-8")
+        for old, new in changes:
+            text = text.replace(old, new)
+        page.write_text(text, encoding="utf-8")
+        return
+    assert not changes, f"{page.name} shows\n{changes[0][0]}\nbut it is\n{changes[0][1]}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_page_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
+    if not blocks(page, real=False):
+        pytest.skip(f"{page.name} has no blocks to run")
+    monkeypatch.chdir(tmp_path)
+    settle(page, run_page(page, tmp_path, real=False))
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+@pytest.mark.parametrize("page", [p for p in PAGES if needs_record(p)], ids=lambda p: p.name)
+def test_page_s_blocks_on_the_real_record(page, tmp_path, monkeypatch, data_dir):
+    (tmp_path / REAL).symlink_to((data_dir / "psins_lasergyro_vehicle" / REAL).resolve())
+    monkeypatch.chdir(tmp_path)
+    settle(page, run_page(page, tmp_path, real=True))
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+def test_table_of_methods_on_the_real_record(data_dir):
+    """Each spread in the page is what `align_windows` finds; the digits are those printed."""
+    import schuler as sc
+
+    record = sc.read(data_dir / "psins_lasergyro_vehicle" / REAL)
+    site = sc.Site(34.246048, 108.909664, 380.0)
+    text = (DOCS / "align.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\S+)` \| ([\d.]+)′ \| ([\d.]+)′ \| ([\d.]+)′ \| ([\d.]+)′ \|$", text, re.M)
+    assert [row[0] for row in rows] == list(METHOD_ROWS)
+    for name, *cells in rows:
+        for length, cell in zip((60, 100, 150, 300), cells, strict=True):
+            w = sc.align_windows(record, site, length, name, at="start")
+            decimals = len(cell.partition(".")[2])
+            assert w.std_heading_arcmin == pytest.approx(
+                float(cell), abs=0.51 * 10.0**-decimals
+            ), (name, length)
+
+
+METHOD_ROWS = ("centred", "wahba", "integral-triad", "instants-triad", "analytic")
+
+
+@pytest.mark.parametrize("name", ["align_truck.py", "align_my_csv.py"])
+def test_example_runs(name, tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-W", "error", str(ROOT / "examples" / name)],
+        cwd=tmp_path, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "heading" in done.stdout
+
+
+def schema(name: str) -> jsonschema.Draft202012Validator:
+    """Return a validator of one of the published schemas."""
+    loaded = json.loads((DOCS / f"{name}.schema.json").read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator.check_schema(loaded)
+    return jsonschema.Draft202012Validator(loaded)
+
+
+@pytest.fixture(scope="module")
+def truck(tmp_path_factory):
+    """Return a saved record of a simulated vehicle, one minute."""
+    import numpy as np
+
+    import schuler as sc
+    from schuler.motion import DisturbedVehicle
+    from schuler.sensors import GRADES
+    from schuler.simulate import simulate
+
+    rng = np.random.default_rng(3)
+    motion = DisturbedVehicle.draw(rng, 60.0, heading=10.0)
+    made = simulate(motion, sc.Site(50.0), 60.0, 100.0, GRADES["navigation-rlg"], rng)
+    path = tmp_path_factory.mktemp("docs") / "truck.parquet"
+    sc.write(made.record, path)
+    return path
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        [],
+        ["--spec", "navigation-rlg"],
+        ["--spec", "industrial-mems", "--method", "analytic"],
+        ["--windows", "20", "--at", "start"],
+        ["--windows", "50"],
+    ],
+    ids=" ".join,
+)
+def test_align_s_json_fits_its_schema(truck, options):
+    text = run_command(shlex.join(["schuler", "align", "truck.parquet", "--lat", "50", "--json",
+                                   "out.json", *options]), truck.parent)  # fmt: skip
+    assert "heading" in text
+    data = json.loads((truck.parent / "out.json").read_text(encoding="utf-8"))
+    schema("alignment").validate(data)
+    assert ("windows" in data) == ("--windows" in options)
+
+
+@pytest.mark.parametrize("options", [[], ["--lat", "50"]], ids=["plain", "lat"])
+def test_info_s_json_fits_its_schema(truck, options):
+    run_command(shlex.join(["schuler", "info", "truck.parquet", "--json", "out.json", *options]),
+                truck.parent)  # fmt: skip
+    schema("info").validate(json.loads((truck.parent / "out.json").read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda d: d.pop("heading_deg"),
+        lambda d: d.update(surprise=1),
+        lambda d: d.update(heading_deg=360.0),
+        lambda d: d.update(windows=[]),
+        lambda d: d["budget_arcmin2"].update(luck=1.0),
+        lambda d: d.update(quaternion_wxyz=[1.0, 0.0, 0.0]),
+    ],
+)
+def test_the_schema_can_refuse(truck, damage):
+    run_command("schuler align truck.parquet --lat 50 --json out.json", truck.parent)
+    data = json.loads((truck.parent / "out.json").read_text(encoding="utf-8"))
+    damage(data)
+    with pytest.raises(jsonschema.ValidationError):
+        schema("alignment").validate(data)
+
+
+@pytest.mark.parametrize(
+    ("found", "written", "agree"),
+    [("a 1.23", "a 1.24", True), ("a 1.23", "a 1.25", False), ("a 1", "b 1", False),
+     ("1.0e-3", "1.1e-3", True), ("1 2", "1", False)],
+)  # fmt: skip
+def test_the_comparison_can_fail(found, written, agree):
+    assert same(found, written) is agree
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_links_between_pages_lead_somewhere(page):
+    text = page.read_text(encoding="utf-8")
+    for target in re.findall(r"\]\(([^)#\s]+)", text):
+        if re.match(r"[a-z]+:", target):
+            continue
+        assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+@pytest.mark.slow
+def test_the_documentation_builds(tmp_path, root):
+    pytest.importorskip("mkdocs")
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "-d", str(tmp_path / "site")],
+        cwd=root, capture_output=True, text=True, timeout=300,
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    pages = list((tmp_path / "site").glob("*.html"))
+    assert pages
+    for page in pages:
+        # Nothing may be fetched from elsewhere.
+        assert not re.search(r'<(?:script|link|img)[^>]+(?:src|href)="https?:', page.read_text())
+    shutil.rmtree(tmp_path / "site")
