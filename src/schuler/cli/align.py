@@ -80,6 +80,10 @@ def command(**options: Any) -> None:
     if site is None:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
     _check_outputs(json_to, report_to)
+    if report_to is not None:
+        from schuler.report.page import graph_objects
+
+        graph_objects()  # a missing library is said before the work, too
 
     aligner = Aligner(site, method, spec, at=at)
     windows: Windows | None = None

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from schuler.align import Alignment, Convergence, Residual, Windows
 from schuler.constants import DEG
 from schuler.record import Summary
+from schuler.report.page import graph_objects
 
 __all__ = [
     "budget",
@@ -48,7 +49,7 @@ def plot_layout(height: int, x: str, y: str, **more: Any) -> dict[str, Any]:
 
 def figure_of(traces: list[Any], layout: dict[str, Any]) -> Any:
     """Return a figure without Plotly's own template."""
-    import plotly.graph_objects as go
+    go = graph_objects()
 
     # The default template repeats itself in every figure: 7 kB that the page's style replaces.
     return go.Figure(traces, {"template": "none", **layout})
@@ -56,7 +57,7 @@ def figure_of(traces: list[Any], layout: dict[str, Any]) -> Any:
 
 def line_of(x: Array, y: Array, name: str, colour: str, **more: Any) -> Any:
     """Return a line trace."""
-    import plotly.graph_objects as go
+    go = graph_objects()
 
     return go.Scatter(
         x=np.round(x, 6), y=y, name=name, mode="lines", line={"color": colour, "width": 1.6}, **more
@@ -64,7 +65,7 @@ def line_of(x: Array, y: Array, name: str, colour: str, **more: Any) -> Any:
 
 
 def _band(x: Array, low: Array, high: Array, name: str, colour: str = _BAND) -> Any:
-    import plotly.graph_objects as go
+    go = graph_objects()
 
     return go.Scatter(
         x=np.concatenate([x, x[::-1]]),
@@ -192,7 +193,7 @@ def spectrum(r: Residual) -> Any:
 
 def budget(fix: Alignment) -> Any:
     """Draw what each source adds to the heading's sigma, with the total and the limit."""
-    import plotly.graph_objects as go
+    go = graph_objects()
 
     shares = sorted(fix.budget_arcmin2.items(), key=lambda item: item[1])
     total = float(fix.sigma_arcmin[2])
@@ -236,7 +237,7 @@ def budget(fix: Alignment) -> Any:
 
 def windows(w: Windows) -> Any:
     """Draw the heading of each window with its sigma, the mean and the spread."""
-    import plotly.graph_objects as go
+    go = graph_objects()
 
     mean = w.mean_heading_deg
     start = np.array([x.start for x in w.each])

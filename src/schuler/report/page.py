@@ -17,7 +17,7 @@ from schuler import __version__
 from schuler._files import replacing
 from schuler.errors import SchulerError
 
-__all__ = ["Drawing", "Section", "definition_table", "write_page"]
+__all__ = ["Drawing", "Section", "definition_table", "graph_objects", "write_page"]
 
 
 @dataclass(frozen=True)
@@ -52,14 +52,21 @@ def _script_json(data: str) -> str:
     return data.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _plotly_js() -> str:
+def graph_objects() -> Any:
+    """Return Plotly's module of figures and traces.
+
+    Raises
+    ------
+    SchulerError
+        If Plotly is not installed.
+    """
     try:
-        from plotly.offline import get_plotlyjs
+        import plotly.graph_objects
     except ImportError:
         raise SchulerError(
             "reports need Plotly, which is not installed: pip install 'schuler[report]'"
         ) from None
-    return str(get_plotlyjs())
+    return plotly.graph_objects
 
 
 def write_page(path: str | Path, title: str, head_html: str, sections: Sequence[Section]) -> None:
@@ -82,7 +89,10 @@ def write_page(path: str | Path, title: str, head_html: str, sections: Sequence[
     SchulerError
         If Plotly is not installed.
     """
-    library = _plotly_js()
+    graph_objects()
+    from plotly.offline import get_plotlyjs
+
+    library = str(get_plotlyjs())
     assets = files("schuler.report")
     style = assets.joinpath("page.css").read_text(encoding="utf-8")
     script = assets.joinpath("page.js").read_text(encoding="utf-8")
