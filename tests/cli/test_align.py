@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 import schuler as sc
 from schuler.align import METHODS
 from schuler.cli import cli
+from schuler.constants import EARTH_RATE
 from schuler.earth import Site
 from schuler.record import ImuRecord
 
@@ -179,17 +180,18 @@ def test_windows(run: Run, csv: Path) -> None:
 
 def test_at(run: Run, tmp_path: Path) -> None:
     """On a turning base the two instants differ by what it has turned: 3 deg."""
-    from schuler.motion import Pose
-    from schuler.simulate import simulate
-
-    class Turning:
-        def pose(self, t: Array) -> Pose:
-            zero = np.zeros((len(t), 3))
-            euler, rate = zero.copy(), zero.copy()
-            euler[:, 0], rate[:, 0] = -np.deg2rad(0.05) * t, -np.deg2rad(0.05)
-            return Pose(euler, rate, zero, zero, zero)
-
-    record = simulate(Turning(), SITE, 60.0, 20.0).record
+    turn, dt = np.deg2rad(0.05), 0.05
+    h = turn * dt * np.arange(1201)
+    north, up = EARTH_RATE * np.cos(SITE.latitude), EARTH_RATE * np.sin(SITE.latitude)
+    dtheta = np.column_stack(
+        [
+            north * np.diff(np.cos(h)) / turn,
+            north * np.diff(np.sin(h)) / turn,
+            np.full(1200, (up - turn) * dt),
+        ]
+    )
+    dvel = np.tile([0.0, 0.0, SITE.gravity * dt], (1200, 1))
+    record = ImuRecord(dt * np.arange(1, 1201), np.full(1200, dt), dtheta, dvel, name="turning")
     sc.write(record, tmp_path / "turning.parquet")
     start, end = (
         result(run, tmp_path / "turning.parquet", *PLACE, "--at", at)["heading_deg"]
