@@ -1,6 +1,6 @@
 """Motion and instrument to record and truth.
 
-Truth takes another road than the navigator: rates and forces are analytic functions of time, and
+Truth takes another road than the navigator: rates and forces are exact functions of time, and
 each increment is their integral by Gauss-Legendre quadrature, not the inverse of a strapdown
 algorithm.
 """
@@ -10,73 +10,92 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from schuler.attitude import psi_to_heading, quat_to_matrix
+from schuler.attitude import psi_to_heading, quat_to_euler
 from schuler.constants import DEG
-from schuler.earth import Site, earth_rate, gravity, transport_rate
+from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.motion import Motion
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
-from schuler.sensors.noise import corrupt
+from schuler.sensors.draw import Imperfections, draw
+from schuler.sensors.noise import Instrument, drop_out
 
-__all__ = ["Simulation", "simulate", "true_rate_and_force"]
+__all__ = ["Simulation", "Truth", "simulate"]
 
 Array = NDArray[np.float64]
 
-_GAUSS: tuple[Array, Array] = np.polynomial.legendre.leggauss(4)
-_NODES, _WEIGHTS = _GAUSS
-"""Exact for polynomials of degree seven inside one sampling interval."""
+_GAUSS: tuple[Array, Array] = np.polynomial.legendre.leggauss(3)
+_NODES, _WEIGHTS = 0.5 + 0.5 * _GAUSS[0], 0.5 * _GAUSS[1]
+"""Exact for polynomials of degree five inside one sampling interval."""
 
-_CHUNK = 20000
+_CHUNK = 8192
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """The true motion of the IMU at the start and at each sample's time.
+
+    Parameters
+    ----------
+    time : (n + 1,) float64
+        s.
+    quaternion : (n + 1, 4) float64
+        q_b^n.
+    velocity : (n + 1, 3) float64
+        East, north, up, m/s.
+    position : (n + 1, 3) float64
+        Latitude (rad), longitude (rad), height (m).
+    """
+
+    time: Array
+    quaternion: Array
+    velocity: Array
+    position: Array
+
+    @property
+    def euler(self) -> Array:
+        """True (psi, theta, gamma), rad, (n + 1, 3)."""
+        return quat_to_euler(self.quaternion)
 
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """A simulated record and its truth.
+    """A simulated record, its truth and the errors that were put in.
 
     Parameters
     ----------
     record : ImuRecord
-    euler : (n + 1, 3) float64
-        True (psi, theta, gamma), rad, at the start and at each sample's time.
-    gyro_bias, accel_bias : (3,) float64
-        The constant biases that were put in, rad/s and m/s^2.
+    truth : Truth
+    gyro, accelerometer : Imperfections
+        The constant errors of the instrument.
     """
 
     record: ImuRecord
-    euler: Array
-    gyro_bias: Array = field(default_factory=lambda: np.zeros(3))
-    accel_bias: Array = field(default_factory=lambda: np.zeros(3))
+    truth: Truth
+    gyro: Imperfections = field(default_factory=Imperfections)
+    accelerometer: Imperfections = field(default_factory=Imperfections)
+
+    @property
+    def euler(self) -> Array:
+        """True (psi, theta, gamma), rad, at the start and at each sample's time, (n + 1, 3)."""
+        return self.truth.euler
+
+    @property
+    def gyro_bias(self) -> Array:
+        """The constant gyro bias that was put in, rad/s, (3,)."""
+        return self.gyro.bias
+
+    @property
+    def accel_bias(self) -> Array:
+        """The constant accelerometer bias that was put in, m/s^2, (3,)."""
+        return self.accelerometer.bias
 
     def heading_deg(self, at: str = "end") -> float:
         """Return the true heading at the start or the end, deg."""
-        row = self.euler[0 if at == "start" else -1]
+        row = quat_to_euler(self.truth.quaternion[0 if at == "start" else -1])
         return float(psi_to_heading(row[0])) / DEG
-
-
-def true_rate_and_force(motion: Motion, site: Site, t: Array) -> tuple[Array, Array]:
-    """Return the inertial rate and the specific force in body axes at times t (n,).
-
-    w = C_n^b (w_ie + w_en) + w_nb and f = C_n^b (dv/dt + (2 w_ie + w_en) x v + g up).
-
-    Returns
-    -------
-    (n, 3) float64, (n, 3) float64
-        rad/s and m/s^2.
-    """
-    pose = motion.pose(t)
-    up = pose.displacement[:, 2] + site.height
-    lat = np.full(len(t), site.latitude)
-    v = pose.velocity
-    earth = earth_rate(lat)
-    turn = transport_rate(lat, up, v[:, 0], v[:, 1])
-    force = pose.acceleration + np.cross(2.0 * earth + turn, v)
-    force[:, 2] += gravity(lat, up)
-    c = quat_to_matrix(pose.quaternion)
-    w = np.einsum("iab,ia->ib", c, earth + turn) + pose.body_rate()
-    return w, np.einsum("iab,ia->ib", c, force)
 
 
 def simulate(
@@ -88,16 +107,20 @@ def simulate(
     rng: np.random.Generator | None = None,
     *,
     start: float = 0.0,
-    gyro_bias: ArrayLike | None = None,
-    accel_bias: ArrayLike | None = None,
+    gyro_bias: Array | None = None,
+    accel_bias: Array | None = None,
+    gyro: Imperfections | None = None,
+    accelerometer: Imperfections | None = None,
+    temperature_rate: float = 0.0,
     name: str = "simulated",
 ) -> Simulation:
-    """Simulate a record of a standing vehicle.
+    """Simulate a record.
 
     Parameters
     ----------
     motion : Motion
     site : Site
+        Where the IMU is at the start.
     duration : float
         s.
     rate : float
@@ -109,7 +132,11 @@ def simulate(
     start : float
         Time stamp of the start, s.
     gyro_bias, accel_bias : (3,) array_like, optional
-        Fixed biases, rad/s and m/s^2; drawn from the specification when not given.
+        Fixed biases, rad/s and m/s^2, in the place of drawn ones.
+    gyro, accelerometer : Imperfections, optional
+        Fixed constant errors, in the place of drawn ones.
+    temperature_rate : float
+        How fast the instrument warms, K/s.
     name : str
         Name of the record.
 
@@ -126,26 +153,41 @@ def simulate(
         raise InputError("a specification needs a random generator: give rng")
     n = round(duration * rate)
     step = 1.0 / rate
-    dtheta, dvel = np.empty((n, 3)), np.empty((n, 3))
-    for a in range(0, n, _CHUNK):
-        k = np.arange(a, min(a + _CHUNK, n))
-        t: Array = np.ravel((k[:, None] + 0.5 + 0.5 * _NODES) * step).astype(np.float64)
-        w, f = true_rate_and_force(motion, site, t)
-        for out, x in ((dtheta, w), (dvel, f)):
-            out[k] = 0.5 * step * np.einsum("j,ijc->ic", _WEIGHTS, x.reshape(len(k), -1, 3))
-    ends: Array = np.arange(n + 1, dtype=np.float64) * step
-    euler = motion.pose(ends).euler
-    time: Array = start + ends[1:]
+    increments, truth = _truth(motion, site, n, step, start)
     dt = np.full(n, step)
-    biases = [np.zeros(3), np.zeros(3)]
     if spec is not None and rng is not None:
-        gyro = corrupt(dtheta, dt, spec.gyro, rng, gyro_bias)
-        accel = corrupt(dvel, dt, spec.accelerometer, rng, accel_bias)
-        dtheta, dvel = gyro.increments, accel.increments
-        biases = [gyro.bias, accel.bias]
-    elif gyro_bias is not None or accel_bias is not None:
-        for which, (x, b) in enumerate(((dtheta, gyro_bias), (dvel, accel_bias))):
-            if b is not None:
-                biases[which] = np.asarray(b, np.float64)
-                x += biases[which] * step
-    return Simulation(ImuRecord(time, dt, dtheta, dvel, name=name), euler, *biases)
+        gyro = gyro or draw(spec.gyro, rng)
+        accelerometer = accelerometer or draw(spec.accelerometer, rng)
+    gyro, accelerometer = gyro or Imperfections(), accelerometer or Imperfections()
+    if gyro_bias is not None:
+        gyro = gyro.with_bias(gyro_bias)
+    if accel_bias is not None:
+        accelerometer = accelerometer.with_bias(accel_bias)
+    instrument = Instrument(spec, gyro, accelerometer, step, rng, temperature_rate)
+    dtheta, dvel = instrument.corrupt(increments)
+    record = ImuRecord(truth.time[1:], dt, dtheta, dvel, name=name)
+    if spec is not None and spec.dropout and rng is not None:
+        record = drop_out(record, spec.dropout, rng)
+    return Simulation(record, truth, gyro, accelerometer)
+
+
+def _truth(motion: Motion, site: Site, n: int, step: float, start: float) -> tuple[Array, Truth]:
+    """Return the true increments (n, 6) and the truth."""
+    from schuler.kernels.truth import true_increments
+
+    state = np.array([site.latitude, site.longitude, site.height])
+    out = np.empty((n, 6))
+    pose = np.empty((n + 1, 6))
+    quaternion = np.empty((n + 1, 4))
+    for a in range(0, n, _CHUNK):
+        b = min(a + _CHUNK, n)
+        track = motion.track(step * np.arange(a, b + 1, dtype=np.float64))
+        frames = track.angles.shape[1]
+        angles = np.ascontiguousarray(track.angles).reshape(b - a + 1, 3 * frames, 3)
+        true_increments(
+            state, site.latitude, site.height, step, np.ascontiguousarray(track.path), angles,
+            track.levers, _NODES, _WEIGHTS, out[a:b], pose[a : b + 1],
+        )  # fmt: skip
+        quaternion[a : b + 1] = track.quaternion
+    time = start + step * np.arange(n + 1, dtype=np.float64)
+    return out, Truth(time, quaternion, pose[:, :3], pose[:, 3:])

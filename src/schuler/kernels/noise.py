@@ -1,4 +1,4 @@
-"""Loops of the noise generators."""
+"""Loops of the noise generators and of the instrument, resumable."""
 
 from __future__ import annotations
 
@@ -6,26 +6,100 @@ import math
 
 from schuler.kernels._jit import kernel
 
+STATE_SIZE = 24
+"""0-5 sums of the six channels before rounding, 6-11 after it, 12-17 spare, 18 seconds passed."""
+
 
 @kernel
-def gauss_markov(dt, tau, sigma, state, normal, out):
-    """Add increments of a first-order Gauss-Markov rate to `out`.
+def gauss_markov(every, rho, kick, step, place, state, normal, out):
+    """Add increments of a first-order Gauss-Markov rate, or random walk, to `out`.
+
+    The rate is drawn every so many samples and is a straight line in between.
 
     Parameters
     ----------
-    dt : (n,) float64
-        s.
-    tau, sigma : float
-        Correlation time (s) and standard deviation of the rate.
-    state : (m,) float64
-        The rate of each axis; left ready for the next chunk.
-    normal, out : (n, m) float64
-        Unit normal numbers, and the increments.
+    every : int
+        Samples from draw to draw.
+    rho, kick : float
+        New value = rho old + kick normal.
+    step : float
+        Sampling interval, s.
+    place : (1,) int64
+        Samples since the last draw; left ready for the next chunk.
+    state : (m, 2) float64
+        The rate at the last draw and at the next, rad/s.
+    normal : (k, m) float64
+        Unit normal numbers: one row a draw, (place + n + every - 1) // every at most.
+    out : (n, m) float64
+        Increments.
     """
-    for i in range(dt.shape[0]):
-        rho = math.exp(-dt[i] / tau)
-        kick = sigma * math.sqrt(-math.expm1(-2.0 * dt[i] / tau))
-        for j in range(state.shape[0]):
-            old = state[j]
-            state[j] = rho * old + kick * normal[i, j]
-            out[i, j] += 0.5 * (old + state[j]) * dt[i]
+    used = 0
+    at = place[0]
+    part = 1.0 / every
+    for i in range(out.shape[0]):
+        if at == 0:
+            for j in range(out.shape[1]):
+                state[j, 0] = state[j, 1]
+                state[j, 1] = rho * state[j, 0] + kick * normal[used, j]
+            used += 1
+        u = (at + 0.5) * part
+        for j in range(out.shape[1]):
+            out[i, j] += step * (state[j, 0] + u * (state[j, 1] - state[j, 0]))
+        at += 1
+        if at == every:
+            at = 0
+    place[0] = at
+
+
+@kernel
+def measure(state, step, warm, bias, matrix, asymmetry, g1, g2, heat, most, grain, noise, out):
+    """Turn true increments plus noise into what an instrument says, in place.
+
+    Parameters
+    ----------
+    state : (STATE_SIZE,) float64
+        Left ready for the next chunk.
+    step : float
+        Sampling interval, s.
+    warm : float
+        Warming, K/s.
+    bias, asymmetry, g2, heat : (6,) float64
+        Of gyros, then accelerometers; rates.
+    matrix : (6, 3) float64
+        Scale and misalignment errors.
+    g1 : (3, 3) float64
+        g-sensitivity of the gyros.
+    most : (6,) float64
+        Largest rate that is measured; 0 is no limit.
+    grain : (6,) float64
+        Rounding step of the summed increments; 0 is none.
+    noise : (n, 6) float64
+        Increments of noise.
+    out : (n, 6) float64
+        True increments; replaced.
+    """
+    r = 1.0 / step
+    for i in range(out.shape[0]):
+        fx, fy, fz = out[i, 3] * r, out[i, 4] * r, out[i, 5] * r
+        kelvin = warm * (state[18] + 0.5 * step)
+        state[18] += step
+        for group in range(2):
+            b = 3 * group
+            x, y, z = out[i, b], out[i, b + 1], out[i, b + 2]
+            for j in range(3):
+                c = b + j
+                own = x if j == 0 else (y if j == 1 else z)
+                f = fx if j == 0 else (fy if j == 1 else fz)
+                rate = bias[c] + heat[c] * kelvin + g2[c] * f * f
+                if group == 0:
+                    rate += g1[j, 0] * fx + g1[j, 1] * fy + g1[j, 2] * fz
+                value = own + matrix[c, 0] * x + matrix[c, 1] * y + matrix[c, 2] * z
+                value += asymmetry[c] * abs(own) + step * rate + noise[i, c]
+                if most[c] > 0.0:
+                    value = max(-most[c] * step, min(most[c] * step, value))
+                if grain[c] > 0.0:
+                    state[c] += value
+                    rounded = math.floor(state[c] / grain[c]) * grain[c]
+                    value = rounded - state[6 + c]
+                    state[6 + c] = rounded
+                out[i, c] = value

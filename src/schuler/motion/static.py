@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.constants import DEG
-from schuler.motion.base import Pose
+from schuler.motion.base import Track, angles_track
 
 __all__ = ["Static"]
 
@@ -23,8 +23,8 @@ class Static:
     pitch: float = 0.0
     roll: float = 0.0
 
-    def pose(self, t: Array) -> Pose:
-        """Return the pose at times t (n,), s."""
-        zero = np.zeros((len(t), 3))
-        euler = np.tile(np.array([-self.heading, self.pitch, self.roll]) * DEG, (len(t), 1))
-        return Pose(euler, zero, zero, zero, zero)
+    def track(self, t: Array) -> Track:
+        """Return the track at times t (n,), s."""
+        angles = np.zeros((len(t), 3, 3))
+        angles[:, :, 0] = np.array([-self.heading, self.pitch, self.roll]) * DEG
+        return angles_track(angles)

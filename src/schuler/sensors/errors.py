@@ -7,6 +7,7 @@ at tau is N^2/tau + (2 ln2/pi) B^2 + K^2 tau/3 + 3 Q^2/tau^2.
 
 from __future__ import annotations
 
+import math
 import tomllib
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -19,7 +20,35 @@ __all__ = ["GRADES", "AccelerometerSpec", "GyroSpec", "ImuSpec", "load_spec"]
 
 
 @dataclass(frozen=True)
-class GyroSpec:
+class _TriadSpec:
+    """What gyros and accelerometers share; 1-sigma per axis, SI."""
+
+    bias: float = 0.0
+    quantisation: float = 0.0
+    bias_instability: float = 0.0
+    gauss_markov: float = 0.0
+    gauss_markov_time: float = 0.0
+    scale_factor: float = 0.0
+    scale_factor_asymmetry: float = 0.0
+    misalignment: float = 0.0
+    non_orthogonality: float = 0.0
+    g2_sensitivity: float = 0.0
+    temperature_sensitivity: float = 0.0
+    full_scale: float = 0.0
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if not (math.isfinite(value) and value >= 0):
+                raise InputError(
+                    f"{item.name}: expected a finite 1-sigma magnitude of 0 or more, got {value}"
+                )
+        if self.gauss_markov and not self.gauss_markov_time:
+            raise InputError("gauss_markov needs its correlation time, gauss_markov_time")
+
+
+@dataclass(frozen=True)
+class GyroSpec(_TriadSpec):
     """Errors of each gyro axis, 1-sigma, SI.
 
     Parameters
@@ -34,13 +63,23 @@ class GyroSpec:
         B, rad/s: the coefficient, of which the Allan deviation's floor is 0.664.
     rate_random_walk : float
         K, rad/s/sqrt(s).
+    gauss_markov, gauss_markov_time : float
+        First-order Gauss-Markov noise: standard deviation (rad/s), correlation time (s).
+    scale_factor, scale_factor_asymmetry : float
+        Ratio; the asymmetry is half the difference between the two signs of input.
+    misalignment, non_orthogonality : float
+        Turn of the triad about each axis, and lean of its axes towards one another, rad.
+    g_sensitivity, g2_sensitivity : float
+        rad/s per m/s^2 of force on each axis, and per (m/s^2)^2 along the axis.
+    temperature_sensitivity : float
+        rad/s per K.
+    full_scale : float
+        Largest rate that is measured, rad/s; 0 is no limit.
     """
 
-    bias: float = 0.0
     angle_random_walk: float = 0.0
-    quantisation: float = 0.0
-    bias_instability: float = 0.0
     rate_random_walk: float = 0.0
+    g_sensitivity: float = 0.0
 
     @property
     def white(self) -> float:
@@ -54,7 +93,7 @@ class GyroSpec:
 
 
 @dataclass(frozen=True)
-class AccelerometerSpec:
+class AccelerometerSpec(_TriadSpec):
     """Errors of each accelerometer axis, 1-sigma, SI.
 
     Parameters
@@ -69,12 +108,19 @@ class AccelerometerSpec:
         B, m/s^2.
     acceleration_random_walk : float
         K, m/s^2/sqrt(s).
+    gauss_markov, gauss_markov_time : float
+        m/s^2 and s.
+    scale_factor, scale_factor_asymmetry, misalignment, non_orthogonality : float
+        As for gyros.
+    g2_sensitivity : float
+        m/s^2 per (m/s^2)^2.
+    temperature_sensitivity : float
+        m/s^2 per K.
+    full_scale : float
+        m/s^2; 0 is no limit.
     """
 
-    bias: float = 0.0
     velocity_random_walk: float = 0.0
-    quantisation: float = 0.0
-    bias_instability: float = 0.0
     acceleration_random_walk: float = 0.0
 
     @property
@@ -89,12 +135,25 @@ class AccelerometerSpec:
 
 
 #: key -> (dimension, unit in which people speak of it)
+_SHARED_KEYS = {
+    "gauss_markov_time": ("time", "s"),
+    "scale_factor": ("ratio", "ppm"),
+    "scale_factor_asymmetry": ("ratio", "ppm"),
+    "misalignment": ("angle", "arcsec"),
+    "non_orthogonality": ("angle", "arcsec"),
+}
 _GYRO_KEYS = {
     "bias": ("angular rate", "deg/h"),
     "angle_random_walk": ("angle random walk", "deg/sqrt(h)"),
     "quantisation": ("angle", "arcsec"),
     "bias_instability": ("angular rate", "deg/h"),
     "rate_random_walk": ("rate random walk", "deg/h/sqrt(h)"),
+    "gauss_markov": ("angular rate", "deg/h"),
+    "g_sensitivity": ("angular rate per acceleration", "deg/h/g"),
+    "g2_sensitivity": ("angular rate per acceleration squared", "deg/h/g^2"),
+    "temperature_sensitivity": ("angular rate per temperature", "deg/h/K"),
+    "full_scale": ("angular rate", "deg/s"),
+    **_SHARED_KEYS,
 }
 _ACCEL_KEYS = {
     "bias": ("acceleration", "ug"),
@@ -102,6 +161,11 @@ _ACCEL_KEYS = {
     "quantisation": ("velocity", "mm/s"),
     "bias_instability": ("acceleration", "ug"),
     "acceleration_random_walk": ("acceleration random walk", "ug/sqrt(h)"),
+    "gauss_markov": ("acceleration", "ug"),
+    "g2_sensitivity": ("acceleration per acceleration squared", "ug/g^2"),
+    "temperature_sensitivity": ("acceleration per temperature", "ug/K"),
+    "full_scale": ("acceleration", "g"),
+    **_SHARED_KEYS,
 }
 
 
@@ -113,6 +177,8 @@ class ImuSpec:
     accelerometer: AccelerometerSpec
     name: str = "custom"
     source: str = ""
+    dropout: float = 0.0
+    """Probability that a sample is lost."""
 
     @classmethod
     def from_dict(cls, data: dict[str, Any], name: str = "custom") -> ImuSpec:
@@ -124,11 +190,11 @@ class ImuSpec:
             For an unknown key, a value without a unit or of another dimension, a negative
             value, or a missing section.
         """
-        extra = set(data) - {"gyro", "accelerometer", "name", "source"}
+        extra = set(data) - {"gyro", "accelerometer", "name", "source", "dropout"}
         if extra:
             raise InputError(
                 f"instrument specification: unknown key '{sorted(extra)[0]}'; "
-                "known: name, source, [gyro], [accelerometer]"
+                "known: name, source, dropout, [gyro], [accelerometer]"
             )
         parts = []
         for section, keys in (("gyro", _GYRO_KEYS), ("accelerometer", _ACCEL_KEYS)):
@@ -150,11 +216,21 @@ class ImuSpec:
                     )
                 values[key] = value
             parts.append(values)
+        dropout = parse(data["dropout"], "ratio", "dropout") if "dropout" in data else 0.0
+        if not 0.0 <= dropout < 0.5:
+            raise InputError(
+                f"instrument specification: dropout = '{data['dropout']}' must be from 0 to 50 %"
+            )
+        try:
+            gyro, accelerometer = GyroSpec(**parts[0]), AccelerometerSpec(**parts[1])
+        except InputError as error:
+            raise InputError(f"instrument specification: {error}") from None
         return cls(
-            GyroSpec(**parts[0]),
-            AccelerometerSpec(**parts[1]),
+            gyro,
+            accelerometer,
             name=str(data.get("name", name)),
             source=str(data.get("source", "")),
+            dropout=dropout,
         )
 
     @classmethod

@@ -2,17 +2,182 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import InputError
-from schuler.sensors.errors import AccelerometerSpec, GyroSpec
+from schuler.record import ImuRecord
+from schuler.sensors.draw import Imperfections
+from schuler.sensors.errors import AccelerometerSpec, GyroSpec, ImuSpec
 
-__all__ = ["Drawn", "corrupt"]
+__all__ = ["Drawn", "Instrument", "NoiseTrain", "corrupt", "drop_out"]
 
 Array = NDArray[np.float64]
+
+_PER_DECADE = 2
+"""Gauss-Markov processes to a decade that make 1/f noise: its ripple is then under 2 %."""
+
+_FASTEST = 3.0
+"""Correlation time of the fastest of them, samples: what is faster is buried in white noise."""
+
+_SMOOTH = 16
+"""A process is drawn so many times in its correlation time, and is straight in between."""
+
+
+class _Process:
+    """A Gauss-Markov process on m axes, or a random walk for an infinite time."""
+
+    def __init__(
+        self, sigma: float, tau: float, step: float, axes: int, rng: np.random.Generator
+    ) -> None:
+        if np.isinf(tau):
+            self.every = 4
+            self.rho, self.kick = 1.0, sigma * float(np.sqrt(self.every * step))
+            self.state = np.zeros((axes, 2))
+        else:
+            self.every = max(1, int(tau / step / _SMOOTH))
+            self.rho = float(np.exp(-self.every * step / tau))
+            self.kick = sigma * float(np.sqrt(-np.expm1(-2.0 * self.every * step / tau)))
+            self.state = np.repeat(sigma * rng.standard_normal((axes, 1)), 2, axis=1)
+        self.place = np.zeros(1, np.int64)
+        self.step = step
+        self.rng = rng
+
+    def add(self, out: Array) -> None:
+        from schuler.kernels.noise import gauss_markov
+
+        n, axes = out.shape
+        draws = (int(self.place[0]) + n + self.every - 1) // self.every
+        draws -= int(self.place[0] > 0)
+        gauss_markov(
+            self.every, self.rho, self.kick, self.step, self.place, self.state,
+            self.rng.standard_normal((draws, axes)), out,
+        )  # fmt: skip
+
+
+class NoiseTrain:
+    """The noise of one triad, in increments, chunk by chunk.
+
+    Parameters
+    ----------
+    part : GyroSpec or AccelerometerSpec
+        Angle or velocity random walk, bias instability, rate random walk and Gauss-Markov noise
+        are made; rounding is the instrument's.
+    step : float
+        Sampling interval, s.
+    axes : int
+    rng : numpy.random.Generator
+    longest : float
+        Length of the record, s: 1/f noise is made of processes up to a hundred times longer.
+    """
+
+    def __init__(
+        self,
+        part: GyroSpec | AccelerometerSpec,
+        step: float,
+        axes: int,
+        rng: np.random.Generator,
+        longest: float,
+    ) -> None:
+        self._white = part.white * float(np.sqrt(step))
+        self._rng = rng
+        self._processes: list[_Process] = []
+        if part.bias_instability:
+            sigma = part.bias_instability * float(np.sqrt(np.log(10.0) / _PER_DECADE / np.pi))
+            low, high = np.log10(_FASTEST * step), np.log10(100.0 * max(longest, 10.0 * step))
+            for tau in 10.0 ** np.arange(low, high, 1.0 / _PER_DECADE):
+                self._processes.append(_Process(sigma, float(tau), step, axes, rng))
+        if part.gauss_markov:
+            tau = part.gauss_markov_time
+            self._processes.append(_Process(part.gauss_markov, tau, step, axes, rng))
+        if part.drift:
+            self._processes.append(_Process(part.drift, float("inf"), step, axes, rng))
+
+    def make(self, out: Array) -> None:
+        """Fill `out` (n, axes) with the next noise increments."""
+        if self._white:
+            # The generator fills only arrays without gaps.
+            out[:] = self._white * self._rng.standard_normal(out.shape)
+        else:
+            out[:] = 0.0
+        for process in self._processes:
+            process.add(out)
+
+
+class Instrument:
+    """A gyro and an accelerometer triad that turn true increments into what they say.
+
+    Parameters
+    ----------
+    spec : ImuSpec or None
+        Noise; None is none.
+    gyro, accelerometer : Imperfections
+        Constant errors.
+    step : float
+        Sampling interval, s.
+    rng : numpy.random.Generator or None
+    temperature_rate : float
+        Warming, K/s.
+    """
+
+    def __init__(
+        self,
+        spec: ImuSpec | None,
+        gyro: Imperfections,
+        accelerometer: Imperfections,
+        step: float,
+        rng: np.random.Generator | None,
+        temperature_rate: float = 0.0,
+    ) -> None:
+        from schuler.kernels import noise
+
+        self._measure: Callable[..., None] = noise.measure
+        self._state = np.zeros(noise.STATE_SIZE)
+        self._spec, self._rng, self._step = spec, rng, step
+        self._warm = temperature_rate
+        both = (gyro, accelerometer)
+        self._constant = [
+            np.concatenate([b.bias for b in both]),
+            np.concatenate([b.matrix for b in both]),
+            np.concatenate([b.asymmetry for b in both]),
+            np.ascontiguousarray(gyro.g_sensitivity),
+            np.concatenate([b.g2_sensitivity for b in both]),
+            np.concatenate([b.temperature for b in both]),
+        ]
+        self._most, self._grain = np.zeros(6), np.zeros(6)
+        if spec is not None:
+            parts = (spec.gyro, spec.accelerometer)
+            self._most[:] = np.repeat([p.full_scale for p in parts], 3)
+            self._grain[:] = np.sqrt(12.0) * np.repeat([p.quantisation for p in parts], 3)
+            if rng is not None:
+                # The rounding's phase: where in its step each sum begins.
+                self._state[:6] = self._grain * rng.uniform(0.0, 1.0, 6)
+
+    def corrupt(self, increments: Array, chunk: int = 8192) -> tuple[Array, Array]:
+        """Return angle and velocity increments (n, 3) as measured; `increments` is replaced."""
+        n = len(increments)
+        noise = np.zeros((min(chunk, n), 6))
+        trains: list[NoiseTrain] = []
+        if self._spec is not None and self._rng is not None:
+            trains = [
+                NoiseTrain(part, self._step, 3, self._rng, n * self._step)
+                for part in (self._spec.gyro, self._spec.accelerometer)
+            ]
+        scratch = np.zeros((len(noise), 3))
+        for a in range(0, n, chunk):
+            b = min(a + chunk, n)
+            for k, train in enumerate(trains):
+                train.make(scratch[: b - a])
+                noise[: b - a, 3 * k : 3 * k + 3] = scratch[: b - a]
+            bias, matrix, asymmetry, g1, g2, heat = self._constant
+            self._measure(
+                self._state, self._step, self._warm, bias, matrix, asymmetry, g1, g2, heat,
+                self._most, self._grain, noise[: b - a], increments[a:b],
+            )  # fmt: skip
+        return np.ascontiguousarray(increments[:, :3]), np.ascontiguousarray(increments[:, 3:])
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,14 +195,14 @@ def corrupt(
     rng: np.random.Generator,
     bias: ArrayLike | None = None,
 ) -> Drawn:
-    """Add bias and noise by type to increments.
+    """Add bias, noise and rounding to increments of any number of axes, evenly sampled.
 
     Parameters
     ----------
     increments : (n, m) float64
         rad or m/s.
     dt : (n,) float64
-        s.
+        s, even.
     part : GyroSpec or AccelerometerSpec
         1-sigma figures per axis.
     rng : numpy.random.Generator
@@ -47,7 +212,7 @@ def corrupt(
     Raises
     ------
     InputError
-        If the bias has the wrong shape.
+        If the bias has the wrong shape, or the sampling is uneven.
     """
     n, m = increments.shape
     if bias is None:
@@ -56,27 +221,40 @@ def corrupt(
         constant = np.asarray(bias, np.float64)
         if constant.shape != (m,):
             raise InputError(f"expected a bias of shape ({m},), got {constant.shape}")
-    out: Array = increments + constant * dt[:, None]
-    if part.white:
-        out += part.white * np.sqrt(dt)[:, None] * rng.standard_normal((n, m))
-    if part.drift:
-        steps = part.drift * np.sqrt(dt)[:, None] * rng.standard_normal((n, m))
-        out += (np.cumsum(steps, axis=0) - 0.5 * steps) * dt[:, None]
-    if part.bias_instability:
-        _flicker(out, dt, part.bias_instability, rng)
+    step = float(dt.mean())
+    if float(np.ptp(dt)) > 1e-6 * step:
+        raise InputError("noise can only be made for an even sampling interval")
+    noise = np.empty((n, m))
+    NoiseTrain(part, step, m, rng, n * step).make(noise)
+    out: Array = increments + constant * step + noise
     if part.quantisation:
-        step = part.quantisation * np.sqrt(12.0)
-        total = np.cumsum(out, axis=0) + step * rng.uniform(0, 1, m)
-        out = np.diff(np.floor(total / step), axis=0, prepend=0.0) * step
+        grain = part.quantisation * np.sqrt(12.0)
+        total = np.cumsum(out, axis=0) + grain * rng.uniform(0, 1, m)
+        out = np.diff(np.floor(total / grain), axis=0, prepend=0.0) * grain
     return Drawn(out, constant)
 
 
-def _flicker(out: Array, dt: Array, level: float, rng: np.random.Generator) -> None:
-    """Add 1/f noise: Gauss-Markov processes, three a decade, from one sample to the record."""
-    from schuler.kernels.noise import gauss_markov
+def drop_out(record: ImuRecord, share: float, rng: np.random.Generator) -> ImuRecord:
+    """Return a record in which samples are lost at random, each gap bridged by the next sample.
 
-    sigma = level * np.sqrt(np.log(10.0) / 3.0 / np.pi)
-    steps = np.arange(np.log10(0.3 * dt.min()), np.log10(100.0 * dt.sum()), 1.0 / 3.0)
-    for tau in 10.0**steps:
-        state = sigma * rng.standard_normal(out.shape[1])
-        gauss_markov(dt, float(tau), sigma, state, rng.standard_normal(out.shape), out)
+    A bridging sample covers the gap with its own mean rate, as a reader would do it.
+
+    Parameters
+    ----------
+    record : ImuRecord
+    share : float
+        Probability that a sample is lost; the first and the last stay.
+    rng : numpy.random.Generator
+    """
+    keep = rng.uniform(0.0, 1.0, len(record)) >= share
+    keep[[0, -1]] = True
+    rows = np.flatnonzero(keep)
+    dt = np.diff(record.time[rows], prepend=record.start)
+    longer = (dt / record.dt[rows])[:, None]
+    return replace(
+        record,
+        time=record.time[rows],
+        dt=dt,
+        dtheta=record.dtheta[rows] * longer,
+        dvel=record.dvel[rows] * longer,
+    )

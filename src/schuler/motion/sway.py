@@ -1,0 +1,146 @@
+"""Sway and vibration as sums of sinusoids: named lines, or drawn in a band.
+
+Every derivative is exact and displacement is bounded: acceleration is its second derivative,
+never white noise on its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.constants import DEG
+from schuler.errors import InputError
+from schuler.motion.base import Track
+
+__all__ = ["CHANNELS", "Band", "Lines", "Sway"]
+
+Array = NDArray[np.float64]
+
+CHANNELS = ("heading", "pitch", "roll", "east", "north", "up")
+"""Angles in degrees (heading clockwise), ways in metres."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Sinusoids of one channel: a sin(2 pi f t + p).
+
+    Parameters
+    ----------
+    channel : str
+        One of `CHANNELS`.
+    frequency : (k,) float64
+        Hz.
+    amplitude : (k,) float64
+        deg or m.
+    phase : (k,) float64
+        rad.
+    """
+
+    channel: str
+    frequency: Array
+    amplitude: Array
+    phase: Array
+
+    def __post_init__(self) -> None:
+        if self.channel not in CHANNELS:
+            raise InputError(
+                f"a line's channel must be one of {', '.join(CHANNELS)}, got '{self.channel}'"
+            )
+        for name in ("frequency", "amplitude", "phase"):
+            value = np.atleast_1d(np.asarray(getattr(self, name), np.float64))
+            object.__setattr__(self, name, value)
+        if not self.frequency.shape == self.amplitude.shape == self.phase.shape:
+            raise InputError("lines need as many frequencies as amplitudes and phases")
+
+    def add(self, t: Array, path: Array, angles: Array) -> None:
+        """Add the lines to a path and to the angles of one frame, both (n, 3, 3)."""
+        from schuler.kernels.motion import sum_lines
+
+        steps = np.diff(t)
+        even = len(t) > 1 and float(np.ptp(steps)) < 1e-9 * float(abs(t[-1]) + steps[0])
+        k = CHANNELS.index(self.channel)
+        out = np.zeros((len(t), 3))
+        scale = (-DEG if k == 0 else DEG) if k < 3 else 1.0
+        sum_lines(
+            np.ascontiguousarray(t), (t[-1] - t[0]) / (len(t) - 1) if even else 0.0,
+            2.0 * np.pi * self.frequency, self.phase, scale * self.amplitude, out,
+        )  # fmt: skip
+        if k < 3:
+            angles[:, k] += out
+        else:
+            path[:, k - 3] += out
+
+
+@dataclass(frozen=True)
+class Band:
+    """Random motion of one channel in a band: Gaussian in the limit of many lines.
+
+    Parameters
+    ----------
+    channel : str
+        One of `CHANNELS`.
+    rms : float
+        deg or m.
+    low, high : float
+        Hz.
+    lines : int
+        Sinusoids drawn, evenly in frequency with a random place in their share of the band.
+    """
+
+    channel: str
+    rms: float
+    low: float
+    high: float
+    lines: int = 24
+
+    def draw(self, rng: np.random.Generator) -> Lines:
+        """Draw the lines."""
+        if not 0 < self.low <= self.high:
+            raise InputError(f"a band needs 0 < low <= high, got {self.low} to {self.high} Hz")
+        if self.lines < 1:
+            raise InputError(f"a band needs one line at least, got {self.lines}")
+        share = (self.high - self.low) / self.lines
+        frequency = self.low + share * (np.arange(self.lines) + rng.uniform(0, 1, self.lines))
+        amplitude = np.full(self.lines, self.rms * np.sqrt(2.0 / self.lines))
+        return Lines(self.channel, frequency, amplitude, rng.uniform(0, 2 * np.pi, self.lines))
+
+
+@dataclass(frozen=True, eq=False)
+class Sway:
+    """A body that sways about a mean attitude.
+
+    Parameters
+    ----------
+    heading, pitch, roll : float
+        Mean attitude, deg.
+    lines : sequence of Lines
+        What moves.
+    lever : (3,) tuple
+        From the centre of rotation to the IMU, in body axes, m.
+    """
+
+    heading: float = 0.0
+    pitch: float = 0.0
+    roll: float = 0.0
+    lines: Sequence[Lines] = field(default_factory=tuple)
+    lever: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @classmethod
+    def draw(
+        cls, rng: np.random.Generator, bands: Sequence[Band], *, heading: float = 0.0,
+        pitch: float = 0.0, roll: float = 0.0, lever: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> Sway:  # fmt: skip
+        """Draw a sway from bands."""
+        return cls(heading, pitch, roll, tuple(band.draw(rng) for band in bands), lever)
+
+    def track(self, t: Array) -> Track:
+        """Return the track at times t (n,), s."""
+        path, angles = np.zeros((len(t), 3, 3)), np.zeros((len(t), 3, 3))
+        angles[:, :, 0] = np.array([-self.heading, self.pitch, self.roll]) * DEG
+        for line in self.lines:
+            line.add(t, path, angles)
+        return Track(path, angles[:, None], np.array([self.lever], np.float64))
