@@ -16,6 +16,8 @@ from schuler.io.mapping import Mapping
 
 __all__ = ["ParquetReader", "own_mapping"]
 
+_BUFFER = 1 << 20
+
 
 class ParquetReader:
     """Reader of Parquet files."""
@@ -57,7 +59,8 @@ class ParquetReader:
             done[0] = 0
             names = [schema.names[i] for i in chosen.all]
             try:
-                with parquet.ParquetFile(path) as file:
+                # Through a small buffer: else whole row groups would be held, undecoded.
+                with parquet.ParquetFile(path, pre_buffer=False, buffer_size=_BUFFER) as file:
                     for batch in file.iter_batches(BLOCK_ROWS, columns=names):
                         done[0] += batch.num_rows
                         columns = {i: _numbers(batch.column(schema.names[i])) for i in chosen.all}
