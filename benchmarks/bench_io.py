@@ -1,0 +1,88 @@
+"""Reading text: five million rows of seven columns, to a checked record, beside two readers.
+
+PyArrow and Polars only make a table of numbers; `schuler.read` also finds the layout, checks
+every row (time, gaps, repeats, values) and turns rates into increments. All read the same warm
+file with all cores, in turn; the shortest of several runs counts.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import csv
+
+import schuler as sc
+
+ROWS = 5_000_000
+REPEATS = 4
+NAMES = ("t", "gx", "gy", "gz", "ax", "ay", "az")
+
+
+def write(path: Path) -> None:
+    """Write a table of 100 Hz, nine digits a cell as loggers write them."""
+    schema = pa.schema([(name, pa.float64()) for name in NAMES])
+    rng = np.random.default_rng(7)
+    with csv.CSVWriter(path, schema) as sink:
+        for begin in range(0, ROWS, 500_000):
+            x = rng.standard_normal((500_000, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.8]
+            columns = [np.arange(begin, begin + 500_000) / 100.0, *np.round(x, 9).T]
+            arrays = [pa.array(np.ascontiguousarray(c)) for c in columns]
+            sink.write_table(pa.table(arrays, schema=schema))
+
+
+def once(job: Callable[[], object]) -> float:
+    """Return how long a job takes, s."""
+    start = time.perf_counter()
+    job()
+    return time.perf_counter() - start
+
+
+def run() -> list[dict[str, Any]]:
+    """Time the three on the same file."""
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "rows.csv"
+        write(path)
+
+        def follow() -> None:
+            for _ in sc.io.open_source(path).chunks():
+                pass
+
+        jobs: dict[str, Callable[[], object]] = {
+            "whole": lambda: sc.read(path),
+            "chunks": follow,
+            "pyarrow.csv": lambda: csv.read_csv(path),
+        }
+        if importlib.util.find_spec("polars"):
+            import polars
+
+            jobs["polars"] = lambda: polars.read_csv(path)
+        times: dict[str, list[float]] = {name: [] for name in jobs}
+        # In turn, so that a slow minute of the machine hits all alike; the first round is warm-up.
+        for round_ in range(REPEATS + 1):
+            for name, job in jobs.items():
+                seconds = once(job)
+                if round_:
+                    times[name].append(seconds)
+        best = {name: min(all_) for name, all_ in times.items()}
+        for ours, words in (("whole", "read"), ("chunks", "read in chunks")):
+            for peer in ("pyarrow.csv", "polars"):
+                if peer not in best:
+                    continue
+                rows.append(
+                    {
+                        "what": f"{words} {ROWS // 1_000_000} million rows of text, beside {peer}",
+                        "ours": best[ours],
+                        "peer": best[peer],
+                        "ratio": best[peer] / best[ours],
+                        "unit": "s",
+                    }
+                )
+    return rows
