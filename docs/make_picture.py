@@ -26,13 +26,14 @@ def main() -> None:
         subprocess.run(
             [sys.executable, "-m", "schuler", "demo", "--out", "out"], cwd=folder, check=True
         )
+        # So high that the picture ends between two sections of the page.
         page, shot = folder / "out" / "demo.html", folder / "report.png"
         subprocess.run(
             [
                 browser, "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic",
                 "--no-first-run", "--disable-background-networking",
                 "--disable-component-update", "--disable-sync",
-                f"--user-data-dir={folder / 'profile'}", "--window-size=1100,1500",
+                f"--user-data-dir={folder / 'profile'}", "--window-size=1100,1175",
                 "--hide-scrollbars", "--virtual-time-budget=8000", f"--screenshot={shot}",
                 page.as_uri(),
             ],

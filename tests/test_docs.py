@@ -5,7 +5,7 @@ Python, one namespace. What a block prints must be what stands below it: in the 
 follows Python, or under its ``$ schuler`` line. Numbers may differ by one in their last printed
 digit. With SCHULER_WRITE_DOCS=1 the pages are rewritten instead of compared.
 
-Blocks on ``lasergyro.imu`` need the real record and are run apart.
+Blocks on ``lasergyro.imu`` need the real record and stand on their own: they are run apart.
 """
 
 from __future__ import annotations
@@ -40,14 +40,9 @@ _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 
 def blocks(page: Path, real: bool) -> list[re.Match[str]]:
-    """Return the blocks of a page that can run without the real record, or (real) all of them."""
-    found = list(_BLOCK.finditer(page.read_text(encoding="utf-8")))
-    return found if real else [m for m in found if REAL not in m["body"]]
-
-
-def needs_record(page: Path) -> bool:
-    """Say whether a page has a block on the real record."""
-    return len(blocks(page, real=True)) > len(blocks(page, real=False))
+    """Return the blocks of a page that need, or do not need, the real record."""
+    found = _BLOCK.finditer(page.read_text(encoding="utf-8"))
+    return [m for m in found if (REAL in m["body"]) == real]
 
 
 def run_command(line: str, folder: Path) -> str:
@@ -93,7 +88,7 @@ def run_page(page: Path, folder: Path, real: bool) -> list[tuple[str, str]]:
             if m["text"] is None:
                 assert not out.strip(), f"{page.name} prints without saying so:\n{m['body']}{out}"
                 continue
-            if same(out, m["text"]) or (real and REAL not in m["body"]):
+            if same(out, m["text"]):
                 continue
             wanted = "\n".join(line.rstrip() for line in out.strip("\n").splitlines())
             changes.append((m[0], f"```python\n{m['body']}```\n\n```text\n{wanted}\n```\n"))
@@ -112,7 +107,7 @@ def run_page(page: Path, folder: Path, real: bool) -> list[tuple[str, str]]:
             different |= bool(written.strip()) and not same(out, written)
             kept = "\n".join(text.rstrip() for text in out.rstrip().splitlines()) + "\n"
             body += head + (kept if written.strip() else "")
-        if different and (REAL in m["body"]) == real:
+        if different:
             changes.append((m[0], f"```console\n{body}```\n"))
     return changes
 
@@ -139,7 +134,7 @@ def test_page_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.realdata
-@pytest.mark.parametrize("page", [p for p in PAGES if needs_record(p)], ids=lambda p: p.name)
+@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, real=True)], ids=lambda p: p.name)
 def test_page_s_blocks_on_the_real_record(page, tmp_path, monkeypatch, data_dir):
     (tmp_path / REAL).symlink_to((data_dir / "psins_lasergyro_vehicle" / REAL).resolve())
     monkeypatch.chdir(tmp_path)
@@ -155,15 +150,18 @@ def test_table_of_methods_on_the_real_record(data_dir):
     record = sc.read(data_dir / "psins_lasergyro_vehicle" / REAL)
     site = sc.Site(34.246048, 108.909664, 380.0)
     text = (DOCS / "align.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| `(\S+)` \| ([\d.]+)′ \| ([\d.]+)′ \| ([\d.]+)′ \| ([\d.]+)′ \|$", text, re.M)
+    rows = re.findall(
+        r"^\| `(\S+)` \| ([\d.]+)′ \| ([\d.]+)′ \| ([\d.]+)′ \| ([\d.]+)′ \|$", text, re.M
+    )
     assert [row[0] for row in rows] == list(METHOD_ROWS)
     for name, *cells in rows:
         for length, cell in zip((60, 100, 150, 300), cells, strict=True):
             w = sc.align_windows(record, site, length, name, at="start")
             decimals = len(cell.partition(".")[2])
-            assert w.std_heading_arcmin == pytest.approx(
-                float(cell), abs=0.51 * 10.0**-decimals
-            ), (name, length)
+            assert w.std_heading_arcmin == pytest.approx(float(cell), abs=0.51 * 10.0**-decimals), (
+                name,
+                length,
+            )
 
 
 METHOD_ROWS = ("centred", "wahba", "integral-triad", "instants-triad", "analytic")
