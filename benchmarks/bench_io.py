@@ -61,9 +61,9 @@ def run() -> list[dict[str, Any]]:
             "pyarrow.csv": lambda: csv.read_csv(path),
         }
         if importlib.util.find_spec("polars"):
-            import polars
+            import polars as pl
 
-            jobs["polars"] = lambda: polars.read_csv(path)
+            jobs["polars"] = lambda: pl.read_csv(path)
         times: dict[str, list[float]] = {name: [] for name in jobs}
         # In turn, so that a slow minute of the machine hits all alike; the first round is warm-up.
         for round_ in range(REPEATS + 1):

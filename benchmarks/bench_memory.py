@@ -52,8 +52,9 @@ def block(begin: int, end: int, rng: np.random.Generator) -> np.ndarray:
     """Return rows of a base at rest with white noise, heading 0."""
     k = np.arange(begin, end)
     w = EARTH_RATE * np.array([0.0, np.cos(SITE.latitude), np.sin(SITE.latitude)])
-    noise = rng.standard_normal((len(k), 6)) * ([1e-5] * 3 + [2e-3] * 3)
-    return np.column_stack([(k + 1) / RATE, noise + [*w, 0.0, 0.0, SITE.gravity]])
+    x = rng.standard_normal((len(k), 6)) * np.repeat([1e-5, 2e-3], 3)
+    x += np.array([*w, 0.0, 0.0, SITE.gravity])
+    return np.column_stack([(k + 1) / RATE, x])
 
 
 def write(text: Path | None, parquet: Path | None, rows: int) -> None:

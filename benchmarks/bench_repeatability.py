@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+
 from _laser import PLACE, RECORD, skipped
 
 LENGTHS = (60, 100, 150, 300)

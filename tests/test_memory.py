@@ -56,5 +56,5 @@ def test_one_row_group_for_all_is_read_in_pieces(bench: ModuleType, tmp_path: Pa
 def test_the_meter_sees_what_is_held(bench: ModuleType) -> None:
     """The tests above can fail: 500 MB in a process are seen, and its parent's are not."""
     held = b"1" * 700_000_000
-    assert 500 < bench.peak_mb("x = b'1' * 500_000_000") < 650
+    assert 477 < bench.peak_mb("x = b'1' * 500_000_000") < 650
     del held
