@@ -234,6 +234,13 @@ def test_info_s_json_fits_its_schema(truck, options):
     schema("info").validate(json.loads((truck.parent / "out.json").read_text(encoding="utf-8")))
 
 
+@pytest.mark.parametrize("options", [["--time", "60s,300s"], []], ids=["times", "plain"])
+def test_limit_s_json_fits_its_schema(tmp_path, options):
+    run_command(shlex.join(["schuler", "limit", "--spec", "tactical-fog", "--lat", "50", "--json",
+                            "out.json", *options]), tmp_path)  # fmt: skip
+    schema("limit").validate(json.loads((tmp_path / "out.json").read_text(encoding="utf-8")))
+
+
 @pytest.mark.parametrize(
     "damage",
     [
