@@ -78,7 +78,7 @@ def run() -> list[dict[str, Any]]:
                     continue
                 rows.append(
                     {
-                        "what": f"read {ROWS // 1_000_000} million rows of text{words}, beside {peer}",
+                        "what": f"read {ROWS // 1_000_000} million rows{words}, beside {peer}",
                         "ours": best[ours],
                         "peer": best[peer],
                         "ratio": best[peer] / best[ours],
