@@ -76,7 +76,8 @@ def test_a_nameless_file_is_called_after_itself(tmp_path):
     path.write_text('[gyro]\nbias = "1 deg/h"\n[accelerometer]\n', encoding="utf-8")
     spec = ImuSpec.from_toml(path)
     assert spec.name == "rooftop"
-    assert spec.gyro == GyroSpec(bias=pytest.approx(DEG / 3600, rel=1e-12, abs=0))
+    assert spec.gyro.bias == pytest.approx(DEG / 3600, rel=1e-12, abs=0)
+    assert spec.gyro == GyroSpec(bias=spec.gyro.bias)
     assert spec.accelerometer == AccelerometerSpec()
 
 
