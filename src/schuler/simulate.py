@@ -175,7 +175,7 @@ def _truth(motion: Motion, site: Site, n: int, step: float, start: float) -> tup
     """Return the true increments (n, 6) and the truth."""
     from schuler.kernels.truth import true_increments
 
-    state = np.array([site.latitude, site.longitude, site.height])
+    state = np.array([site.latitude, site.longitude, site.height, 0.0, 0.0])
     out = np.empty((n, 6))
     pose = np.empty((n + 1, 6))
     quaternion = np.empty((n + 1, 4))
@@ -185,7 +185,7 @@ def _truth(motion: Motion, site: Site, n: int, step: float, start: float) -> tup
         frames = track.angles.shape[1]
         angles = np.ascontiguousarray(track.angles).reshape(b - a + 1, 3 * frames, 3)
         true_increments(
-            state, site.latitude, site.height, step, np.ascontiguousarray(track.path), angles,
+            state, step, np.ascontiguousarray(track.path), angles,
             track.levers, _NODES, _WEIGHTS, out[a:b], pose[a : b + 1],
         )  # fmt: skip
         quaternion[a : b + 1] = track.quaternion

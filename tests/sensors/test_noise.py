@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from schuler.errors import InputError
 from schuler.kernels.noise import gauss_markov
 from schuler.sensors import AccelerometerSpec, GyroSpec
-from schuler.sensors.noise import corrupt
+from schuler.sensors.noise import NoiseTrain, corrupt
 from tests.conftest import chi_square_band
 
 FALSE_ALARM = 1e-3
@@ -60,11 +61,12 @@ def test_random_walk_of_the_angle(rng, dt):
 
 
 def test_random_walk_of_the_rate(rng):
-    k, n, m, dt = 1e-6, 2, 4000, 0.2
+    k, n, m, dt = 1e-6, 400, 4000, 0.2
     out, _ = drawn(GyroSpec(rate_random_walk=k), rng, n=n, m=m, dt=dt)
-    # The mean rate over the last interval: n - 1 whole steps and half of the last.
+    # Drawn every four samples, straight between: the last sample is 1/8 before a draw.
+    steps = n // 4 - 1 + (7 / 8) ** 2
     low, high = chi_square_band(m, FALSE_ALARM)
-    assert low < np.sum((out[-1] / dt) ** 2) / (k**2 * dt * (n - 0.75)) < high
+    assert low < np.sum((out[-1] / dt) ** 2) / (k**2 * 4 * dt * steps) < high
 
 
 def test_bias_instability_has_a_flat_allan_deviation(rng):
@@ -90,25 +92,47 @@ def test_quantisation_rounds_the_running_sum():
     assert error.std(axis=0) == pytest.approx(q, rel=0.05, abs=0)
 
 
-def test_gauss_markov_is_stationary_and_forgets():
+@pytest.mark.parametrize("every", [1, 4])
+def test_gauss_markov_is_stationary_and_forgets(every):
     rng = np.random.default_rng(9)
     tau, sigma, n, m, dt = 2.0, 0.3, 40, 5000, 0.1
-    state = sigma * rng.normal(size=m)
+    rho = np.array([math.exp(-every * dt / tau)])
+    kick = sigma * np.sqrt(1.0 - rho**2)
+    state = sigma * rng.normal(size=(1, m))
     start, out = state.copy(), np.zeros((n, m))
-    gauss_markov(np.full(n, dt), tau, sigma, state, rng.normal(size=(n, m)), out)
+    line = np.column_stack([np.zeros(m), state[0]])
+    normal = rng.normal(size=(n // every, 1, m))
+    gauss_markov(every, rho, kick, dt, np.zeros(1, np.int64), state, line, normal, out)
     low, high = chi_square_band(m, FALSE_ALARM)
     assert low < np.sum(state**2) / sigma**2 < high
     correlation = np.mean(start * state) / sigma**2
     assert correlation == pytest.approx(math.exp(-n * dt / tau), abs=4.0 / math.sqrt(m))
+    # Straight between two draws: the last sample lies half a sample before the last draw.
+    u = (every - 0.5) / every
+    np.testing.assert_allclose(out[-1], dt * (line[:, 0] + u * (line[:, 1] - line[:, 0])))
 
 
-def test_gauss_markov_takes_any_chunking():
-    rng = np.random.default_rng(10)
-    normal, dt = rng.normal(size=(100, 3)), np.full(100, 0.1)
-    whole, state = np.zeros((100, 3)), np.ones(3)
-    gauss_markov(dt, 2.0, 0.3, state, normal, whole)
-    parts, again = np.zeros((100, 3)), np.ones(3)
-    for s in (slice(0, 1), slice(1, 60), slice(60, 60), slice(60, 100)):
-        gauss_markov(dt[s], 2.0, 0.3, again, normal[s], parts[s])
-    np.testing.assert_array_equal(parts, whole)
-    np.testing.assert_array_equal(again, state)
+def test_noise_takes_any_chunking():
+    part = GyroSpec(
+        angle_random_walk=1e-5, bias_instability=1e-6, rate_random_walk=1e-7,
+        gauss_markov=1e-6, gauss_markov_time=3.0,
+    )  # fmt: skip
+    rates = []
+    for sizes in ((1000,), (1, 63, 500, 436)):
+        train = NoiseTrain(replace(part, angle_random_walk=0.0, bias_instability=0.0), 0.01, 3,
+                           np.random.default_rng(4), 10.0)  # fmt: skip
+        parts = [np.empty((n, 3)) for n in sizes]
+        for chunk in parts:
+            train.make(chunk)
+        rates.append(np.concatenate(parts))
+    # The draws of two processes interleave by chunk, so only their statistics can agree ...
+    assert rates[0].std() == pytest.approx(rates[1].std(), rel=0.6)
+    # ... while a single one is the same to the last bit.
+    single = []
+    for sizes in ((1000,), (1, 63, 500, 436)):
+        train = NoiseTrain(GyroSpec(rate_random_walk=1e-7), 0.01, 3, np.random.default_rng(4), 10.0)
+        parts = [np.empty((n, 3)) for n in sizes]
+        for chunk in parts:
+            train.make(chunk)
+        single.append(np.concatenate(parts))
+    np.testing.assert_array_equal(*single)

@@ -53,12 +53,16 @@ def _writable(folder: str) -> bool:
 _CACHE = _writable(CACHE_FOLDER)
 
 
+_FUSE = {"contract"}
+"""Let a product and a sum be rounded once; no other liberty is taken with the arithmetic."""
+
+
 def kernel(function: F) -> F:
     """Compile a function with `numba.njit`, cached in schuler's own folder."""
     before = config.CACHE_DIR
     config.CACHE_DIR = CACHE_FOLDER
     try:
-        compiled: F = numba.njit(cache=_CACHE, error_model="numpy")(function)
+        compiled: F = numba.njit(cache=_CACHE, error_model="numpy", fastmath=_FUSE)(function)
     finally:
         config.CACHE_DIR = before
     return compiled
@@ -66,5 +70,5 @@ def kernel(function: F) -> F:
 
 def helper(function: F) -> F:
     """Compile a small function that is only ever inlined into kernels."""
-    compiled: F = numba.njit(inline="never", error_model="numpy")(function)
+    compiled: F = numba.njit(inline="never", error_model="numpy", fastmath=_FUSE)(function)
     return compiled

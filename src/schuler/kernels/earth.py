@@ -18,25 +18,32 @@ from schuler.kernels.vec import Vec
 
 
 @helper
-def radii(lat: float) -> tuple[float, float]:
-    """Return the meridian and the transverse (prime vertical) radius of curvature, m."""
-    s = math.sin(lat)
+def radii_of_sine(s: float) -> tuple[float, float]:
+    """Return the meridian and the transverse radius of curvature, m, for the sine of latitude."""
     w2 = 1.0 - EARTH_E2 * s * s
     rn = EARTH_A / math.sqrt(w2)
     return rn * (1.0 - EARTH_E2) / w2, rn
 
 
 @helper
-def gravity(lat: float, height: float) -> float:
-    """Return normal gravity (m/s^2) by Somigliana, with the second-order term in height."""
-    s = math.sin(lat)
+def radii(lat: float) -> tuple[float, float]:
+    """Return the meridian and the transverse (prime vertical) radius of curvature, m."""
+    return radii_of_sine(math.sin(lat))
+
+
+@helper
+def gravity_of_sine(s: float) -> tuple[float, float]:
+    """Return normal gravity at height 0 (m/s^2) and its slope over it, per m, relative."""
     s2 = s * s
     g0 = GRAVITY_EQUATOR * (1.0 + GRAVITY_K * s2) / math.sqrt(1.0 - EARTH_E2 * s2)
-    return g0 * (
-        1.0
-        - 2.0 / EARTH_A * (1.0 + EARTH_F + GRAVITY_M - 2.0 * EARTH_F * s2) * height
-        + 3.0 * height * height / (EARTH_A * EARTH_A)
-    )
+    return g0, -2.0 / EARTH_A * (1.0 + EARTH_F + GRAVITY_M - 2.0 * EARTH_F * s2)
+
+
+@helper
+def gravity(lat: float, height: float) -> float:
+    """Return normal gravity (m/s^2) by Somigliana, with the second-order term in height."""
+    g0, slope = gravity_of_sine(math.sin(lat))
+    return g0 * (1.0 + slope * height + 3.0 * height * height / (EARTH_A * EARTH_A))
 
 
 @helper

@@ -51,13 +51,14 @@ def sum_lines(t, step, frequency, phase, amplitude, out):
         for begin in range(0, n, _BLOCK):
             angle = w * t[begin] + p
             s0, c0 = a * math.sin(angle), a * math.cos(angle)
+            # Slices: their indices need no check for being negative, so the loop is vectorised.
             end = min(begin + _BLOCK, n)
-            for i in range(begin, end):
-                s = s0 * cos_table[i - begin] + c0 * sin_table[i - begin]
-                c = c0 * cos_table[i - begin] - s0 * sin_table[i - begin]
-                value[i] += s
-                rate[i] += w * c
-                curve[i] -= w * w * s
+            some, more, most = value[begin:end], rate[begin:end], curve[begin:end]
+            for i in range(end - begin):
+                s = s0 * cos_table[i] + c0 * sin_table[i]
+                some[i] += s
+                more[i] += w * (c0 * cos_table[i] - s0 * sin_table[i])
+                most[i] -= w * w * s
     for i in range(n):
         out[i, 0] += value[i]
         out[i, 1] += rate[i]

@@ -11,25 +11,27 @@ STATE_SIZE = 24
 
 
 @kernel
-def gauss_markov(every, rho, kick, step, place, state, normal, out):
-    """Add increments of a first-order Gauss-Markov rate, or random walk, to `out`.
+def gauss_markov(every, rho, kick, step, place, state, line, normal, out):
+    """Add increments of a sum of first-order Gauss-Markov rates, or random walks, to `out`.
 
-    The rate is drawn every so many samples and is a straight line in between.
+    The rates are drawn every so many samples; their sum is a straight line in between.
 
     Parameters
     ----------
     every : int
         Samples from draw to draw.
-    rho, kick : float
-        New value = rho old + kick normal.
+    rho, kick : (p,) float64
+        New value = rho old + kick normal, for each process.
     step : float
         Sampling interval, s.
     place : (1,) int64
         Samples since the last draw; left ready for the next chunk.
-    state : (m, 2) float64
-        The rate at the last draw and at the next, rad/s.
-    normal : (k, m) float64
-        Unit normal numbers: one row a draw, (place + n + every - 1) // every at most.
+    state : (p, m) float64
+        The rate of each process at the next draw, rad/s.
+    line : (m, 2) float64
+        Their sum at the last draw and at the next.
+    normal : (k, p, m) float64
+        Unit normal numbers: one row a draw.
     out : (n, m) float64
         Increments.
     """
@@ -39,12 +41,16 @@ def gauss_markov(every, rho, kick, step, place, state, normal, out):
     for i in range(out.shape[0]):
         if at == 0:
             for j in range(out.shape[1]):
-                state[j, 0] = state[j, 1]
-                state[j, 1] = rho * state[j, 0] + kick * normal[used, j]
+                line[j, 0] = line[j, 1]
+                total = 0.0
+                for p in range(rho.shape[0]):
+                    state[p, j] = rho[p] * state[p, j] + kick[p] * normal[used, p, j]
+                    total += state[p, j]
+                line[j, 1] = total
             used += 1
         u = (at + 0.5) * part
         for j in range(out.shape[1]):
-            out[i, j] += step * (state[j, 0] + u * (state[j, 1] - state[j, 0]))
+            out[i, j] += step * (line[j, 0] + u * (line[j, 1] - line[j, 0]))
         at += 1
         if at == every:
             at = 0

@@ -65,7 +65,7 @@ def _sample(p, k) -> tuple[Vec, Vec]:
 
 
 @helper
-def _combine(state, n_sub: int) -> tuple[Vec, Vec, Vec, Vec]:
+def combine(state, n_sub: int) -> tuple[Vec, Vec, Vec, Vec]:
     """Return angle, velocity, coning and sculling of the waiting samples."""
     last_a, last_v = _sample(state, n_sub - 1)
     if n_sub == 1:
@@ -145,7 +145,7 @@ def track(state, nodes, n_sub, coning, sculling, time, dt, dtheta, dvel):
         s[48] = 0.0
 
         # The samples of this update: total angle and velocity, coning and sculling parts.
-        ta, tv, con, scu = _combine(s, n_sub)
+        ta, tv, con, scu = combine(s, n_sub)
         u = tv
         if sculling != 0.0:
             c1, c2 = rotation_averages(ta[0] * ta[0] + ta[1] * ta[1] + ta[2] * ta[2])

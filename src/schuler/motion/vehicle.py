@@ -53,16 +53,21 @@ class Event:
     decay: float = 0.4
 
     def add(self, t: Array, path: Array, angles: Array) -> None:
-        """Add the event to a path and to the angles of one frame, both (n, 3, 3)."""
-        x = np.maximum(t - self.time, 0.0)
+        """Add the event to a path and to the angles of one frame, both (n, 3, 3); t ascends."""
+        k = CHANNELS.index(self.channel)
+        scale = self.size * (np.pi / 180.0 if k < 3 else 1.0) * (-1.0 if k == 0 else 1.0)
+        target = angles[:, k] if k < 3 else path[:, k - 3]
+        life = 45.0 * (_SETTLING if self.kind == "settle" else self.decay)
+        begin, end = np.searchsorted(t, [self.time, self.time + life])
+        x = t[begin:end] - self.time
         if self.kind == "settle":
             value = _settle(x, _SETTLING)
         else:
             value = _ring(x, self.ringing, self.decay, self.kind == "board")
-        k = CHANNELS.index(self.channel)
-        scale = self.size * (np.pi / 180.0 if k < 3 else 1.0) * (-1.0 if k == 0 else 1.0)
-        target = angles[:, k] if k < 3 else path[:, k - 3]
-        target += scale * value
+        target[begin:end] += scale * value
+        if self.kind != "slam":
+            # Settled to the last bit.
+            target[end:, 0] += scale
 
 
 def _settle(x: Array, tau: float) -> Array:

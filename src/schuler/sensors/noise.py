@@ -23,38 +23,48 @@ _PER_DECADE = 2
 _FASTEST = 3.0
 """Correlation time of the fastest of them, samples: what is faster is buried in white noise."""
 
-_SMOOTH = 16
-"""A process is drawn so many times in its correlation time, and is straight in between."""
+_SMOOTH = 6
+"""A process is drawn so many times in its correlation time at least, and is straight between."""
+
+_EVERY = (64, 16, 4, 1)
+"""Samples from draw to draw; processes that share it are summed before they are spread out."""
 
 
-class _Process:
-    """A Gauss-Markov process on m axes, or a random walk for an infinite time."""
+class _Processes:
+    """Gauss-Markov processes and random walks on m axes that are drawn equally often."""
 
-    def __init__(
-        self, sigma: float, tau: float, step: float, axes: int, rng: np.random.Generator
-    ) -> None:
-        if np.isinf(tau):
-            self.every = 4
-            self.rho, self.kick = 1.0, sigma * float(np.sqrt(self.every * step))
-            self.state = np.zeros((axes, 2))
-        else:
-            self.every = max(1, int(tau / step / _SMOOTH))
-            self.rho = float(np.exp(-self.every * step / tau))
-            self.kick = sigma * float(np.sqrt(-np.expm1(-2.0 * self.every * step / tau)))
-            self.state = np.repeat(sigma * rng.standard_normal((axes, 1)), 2, axis=1)
+    def __init__(self, every: int, step: float, axes: int, rng: np.random.Generator) -> None:
+        self.every, self.step, self.rng = every, step, rng
+        self.rho: list[float] = []
+        self.kick: list[float] = []
+        self.state = np.zeros((0, axes))
+        self.line = np.zeros((axes, 2))
         self.place = np.zeros(1, np.int64)
-        self.step = step
-        self.rng = rng
+
+    def include(self, sigma: float, tau: float) -> None:
+        """Include a process of standard deviation sigma, or for tau = inf a random walk."""
+        span = self.every * self.step
+        first = np.zeros(self.state.shape[1])
+        if np.isinf(tau):
+            self.rho.append(1.0)
+            self.kick.append(sigma * float(np.sqrt(span)))
+        else:
+            self.rho.append(float(np.exp(-span / tau)))
+            self.kick.append(sigma * float(np.sqrt(-np.expm1(-2.0 * span / tau))))
+            first = sigma * self.rng.standard_normal(len(first))
+        self.state = np.vstack([self.state, first])
+        self.line[:, 1] += first
 
     def add(self, out: Array) -> None:
+        """Add the next increments to `out` (n, axes)."""
         from schuler.kernels.noise import gauss_markov
 
         n, axes = out.shape
-        draws = (int(self.place[0]) + n + self.every - 1) // self.every
-        draws -= int(self.place[0] > 0)
+        left = (self.every - int(self.place[0])) % self.every
+        draws = 0 if n <= left else (n - left + self.every - 1) // self.every
         gauss_markov(
-            self.every, self.rho, self.kick, self.step, self.place, self.state,
-            self.rng.standard_normal((draws, axes)), out,
+            self.every, np.array(self.rho), np.array(self.kick), self.step, self.place,
+            self.state, self.line, self.rng.standard_normal((draws, len(self.rho), axes)), out,
         )  # fmt: skip
 
 
@@ -84,17 +94,26 @@ class NoiseTrain:
     ) -> None:
         self._white = part.white * float(np.sqrt(step))
         self._rng = rng
-        self._processes: list[_Process] = []
+        wanted: list[tuple[float, float]] = []
         if part.bias_instability:
             sigma = part.bias_instability * float(np.sqrt(np.log(10.0) / _PER_DECADE / np.pi))
-            low, high = np.log10(_FASTEST * step), np.log10(100.0 * max(longest, 10.0 * step))
-            for tau in 10.0 ** np.arange(low, high, 1.0 / _PER_DECADE):
-                self._processes.append(_Process(sigma, float(tau), step, axes, rng))
+            # What forgets within a sample is white to the record.
+            below = 1.0 - 10.0 ** (-1.0 / _PER_DECADE)
+            first = _FASTEST * step
+            fast = 2.0 * sigma**2 * first * 10.0 ** (-1.0 / _PER_DECADE) / below
+            self._white = float(np.hypot(self._white, np.sqrt(fast * step)))
+            low, high = np.log10(first), np.log10(100.0 * max(longest, 10.0 * step))
+            wanted += [(sigma, float(t)) for t in 10.0 ** np.arange(low, high, 1.0 / _PER_DECADE)]
         if part.gauss_markov:
-            tau = part.gauss_markov_time
-            self._processes.append(_Process(part.gauss_markov, tau, step, axes, rng))
+            wanted.append((part.gauss_markov, part.gauss_markov_time))
         if part.drift:
-            self._processes.append(_Process(part.drift, float("inf"), step, axes, rng))
+            wanted.append((part.drift, float("inf")))
+        self._processes: dict[int, _Processes] = {}
+        for sigma, tau in wanted:
+            often = 4 if np.isinf(tau) else int(min(tau / step / _SMOOTH, _EVERY[0]))
+            every = next(e for e in _EVERY if e <= max(often, 1))
+            group = self._processes.setdefault(every, _Processes(every, step, axes, rng))
+            group.include(sigma, tau)
 
     def make(self, out: Array) -> None:
         """Fill `out` (n, axes) with the next noise increments."""
@@ -103,7 +122,7 @@ class NoiseTrain:
             out[:] = self._white * self._rng.standard_normal(out.shape)
         else:
             out[:] = 0.0
-        for process in self._processes:
+        for process in self._processes.values():
             process.add(out)
 
 
