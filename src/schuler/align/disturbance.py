@@ -212,17 +212,24 @@ def inertial_disturbance(
 
 
 def analytic_disturbance(h: History, c_nb: Array, responses: Responses) -> Array:
-    """Return the covariance of phi (3, 3), rad^2, from the wander of the summed increments.
+    """Return the covariance of phi (3, 3), rad^2, from the scatter of the means over parts.
 
-    The mean rate is the difference of two ends over the duration: each end is off by what the
-    sum wanders about a straight line.
+    A mean over the record is off by what it would be between records like it. That is read off
+    the means over its eighths and, as a bounded motion averages out faster than a random walk,
+    carried from eighths to the whole by the slope between quarters and sixteenths.
     """
-    h, _ = h.thin(BLOCKS)
-    x = np.column_stack([np.ones_like(h.t), h.t])
     out = np.zeros((3, 3))
+    t = h.t
     for columns, v in ((slice(30, 33), responses.gyro[0]), (slice(33, 36), responses.accel[0])):
-        series = h.rows[:, columns]
-        wander = series - x @ np.linalg.lstsq(x, series, rcond=None)[0]
-        s = 2.0 * c_nb @ np.cov(wander.T) @ c_nb.T
+        scatter: dict[int, Array] = {}
+        for parts in (4, 8, 16):
+            edges = np.linspace(0.0, h.duration, parts + 1)
+            ends = np.column_stack([np.interp(edges, t, x) for x in h.rows[:, columns].T])
+            means = np.diff(ends, axis=0) * parts
+            scatter[parts] = np.cov(means.T) / parts
+        few, many = np.trace(scatter[4]), np.trace(scatter[16])
+        # White rates: the same for any number of parts; bounded angles: as their number.
+        slope = float(np.clip(np.log(max(many, 1e-300) / max(few, 1e-300)) / np.log(4.0), 0.0, 1.0))
+        s = c_nb @ (scatter[8] * 8.0**-slope) @ c_nb.T
         out += v @ s @ v.T
     return out

@@ -41,7 +41,7 @@ class _LazyGroup(click.Group):
 @click.command(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="schuler")
 def cli() -> None:
-    r"""Inertial alignment, calibration and error control.
+    """Inertial alignment, calibration and error control.
 
     From a raw record of gyros and accelerometers to true north, with an honest uncertainty.
 
@@ -49,7 +49,7 @@ def cli() -> None:
       schuler info truck.csv --gyro deg/s --accel g      is this record what I think it is?
       schuler align truck.csv --lat 34.2 --report r.html  where is north?
       schuler demo                                        try it without a record
-    """
+    """  # noqa: D301
 
 
 def main(arguments: list[str] | None = None) -> None:

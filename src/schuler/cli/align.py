@@ -58,13 +58,13 @@ __all__ = ["command"]
 @click.option("--json", "json_to", metavar="OUT", help="Write the result as JSON (- : here).")
 @click.option("--report", "report_to", metavar="OUT.html", help="Write an interactive report.")
 def command(**options: Any) -> None:
-    r"""Find the heading, pitch and roll of a standing vehicle from FILE (- : standard input).
+    """Find the heading, pitch and roll of a standing vehicle from FILE (- : standard input).
 
     \b
       schuler align truck.imu --lat 34.246 --lon 108.91 --height 380
       schuler align truck.csv --gyro deg/s --accel g --axes FRD --lat 48.1 --report truck.html
       schuler align truck.imu --spec navigation-rlg --windows 100s --at start --json -
-    """
+    """  # noqa: D301
     from schuler.align import Aligner, align_windows
 
     method, spec, at = (options.pop(key) for key in ("method", "spec", "at"))

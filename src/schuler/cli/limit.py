@@ -42,12 +42,12 @@ __all__ = ["command"]
 @click.option("--json", "json_to", metavar="OUT", help="Write the rows as JSON (- : here).")
 @click.option("--report", "report_to", metavar="OUT.html", help="Draw sigma against time.")
 def command(**options: Any) -> None:
-    r"""Print the Cramér-Rao limit of a static alignment, for any sequence of positions.
+    """Print the Cramér-Rao limit of a static alignment, for any sequence of positions.
 
     \b
       schuler limit --spec navigation-fog --lat 40 --time 60s,300s,600s
       schuler limit --spec mine.toml --lat 40 --positions two.toml --json -
-    """  # fmt: skip
+    """  # noqa: D301
     from schuler.align import Position, load_positions, position_limit
     from schuler.constants import DEG_PER_HOUR, MICRO_G
     from schuler.sensors import load_spec

@@ -91,8 +91,8 @@ def axis_hint(mean_force: tuple[float, float, float], gravity: float) -> str | N
         return None
     if z < -0.7:
         return (
-            "the force points along -z: the record's z axis points down; if the axes are "
-            "front-right-down say --axes FRD"
+            "the force points along -z, down in right-front-up axes: the body lies on its back, or "
+            "--axes is not what the file has (FRD for front-right-down)"
         )
     axis, value = ("x", x) if abs(x) > abs(y) else ("y", y)
     sign = "+" if value > 0 else "-"

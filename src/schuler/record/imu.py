@@ -168,7 +168,9 @@ class ImuRecord:
     @property
     def start(self) -> float:
         """Start of the first interval, s."""
-        return float(self.time[0] - self.dt[0])
+        start = float(self.time[0] - self.dt[0])
+        # A clock that starts at zero says so, not 1e-17.
+        return 0.0 if abs(start) < 1e-9 * float(self.dt[0]) else start
 
     @property
     def end(self) -> float:

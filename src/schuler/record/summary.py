@@ -208,9 +208,11 @@ class Summariser:
         # Second differences of white noise have six times its variance, on three axes.
         noise = np.sqrt(self._state[3:5] / count / 18.0 * interval)
         rate = table[:, 3:6] / table[:, 1:2]
+        begin = float(table[0, 0] - table[0, 1])
+        begin = 0.0 if abs(begin) < 1e-6 * interval else begin
         mean_rate = total[3:6] / total[1]
         return Summary(
-            start=float(table[0, 0] - table[0, 1]),
+            start=begin,
             end=float(table[-1, 0]),
             samples=int(total[2]),
             interval=interval,

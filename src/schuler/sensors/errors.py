@@ -169,6 +169,18 @@ _ACCEL_KEYS = {
 }
 
 
+#: the unit to go on with when a number reaches a thousand
+_LARGER = {"ug": "mg", "deg/h": "deg/s", "ug/sqrt(Hz)": "mg/sqrt(Hz)", "mm/s": "m/s"}
+
+
+def _spoken(value: float, unit: str) -> str:
+    number = to_unit(value, unit)
+    if number >= 1000.0 and unit in _LARGER:
+        unit = _LARGER[unit]
+        number = to_unit(value, unit)
+    return f"{number:.4g} {unit}"
+
+
 @dataclass(frozen=True)
 class ImuSpec:
     """An instrument: its gyros, its accelerometers, its name and where the numbers come from."""
@@ -274,7 +286,7 @@ class ImuSpec:
             ("accelerometer", self.accelerometer, _ACCEL_KEYS),
         ):
             out[section] = {
-                f.name: f"{to_unit(getattr(part, f.name), keys[f.name][1]):.4g} {keys[f.name][1]}"
+                f.name: _spoken(getattr(part, f.name), keys[f.name][1])
                 for f in fields(part)
                 if getattr(part, f.name) > 0
             }
