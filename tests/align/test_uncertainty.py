@@ -153,3 +153,39 @@ def test_grades_are_ordered():
     names = ("navigation-rlg", "navigation-fog", "tactical-fog", "industrial-mems")
     sigmas = [limit(GRADES[name], SITE, 300.0)[2, 2] for name in names]
     assert sigmas == sorted(sigmas)
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "text"),
+    [
+        ("gyro", "scale_factor", "1000 ppm"),
+        ("gyro", "misalignment", "200 arcsec"),
+        ("gyro", "non_orthogonality", "200 arcsec"),
+        ("gyro", "g_sensitivity", "0.02 deg/h/g"),
+        ("gyro", "g2_sensitivity", "0.02 deg/h/g^2"),
+        ("accelerometer", "scale_factor", "1000 ppm"),
+        ("accelerometer", "misalignment", "200 arcsec"),
+        ("accelerometer", "non_orthogonality", "200 arcsec"),
+        ("accelerometer", "g2_sensitivity", "500 ug/g^2"),
+    ],
+)
+def test_constant_errors_of_a_tilted_base(section, key, text):
+    """What scale and axis errors do to phi: predicted and drawn variance; false alarm 1e-3."""
+    from schuler.motion import Static
+    from schuler.simulate import simulate
+
+    spec = ImuSpec.from_dict({"gyro": {}, "accelerometer": {}, section: {key: text}})
+    motion, count = Static(50.0, 20.0, -30.0), 150
+    rng = np.random.default_rng(7)
+    total = np.zeros(3)
+    for _ in range(count):
+        made = simulate(motion, SITE, 60.0, 5.0, spec, rng)
+        fix = align(made.record, SITE, spec=spec, at="start")
+        (predicted,) = (cov for name, cov in fix.budget.items() if name == f"{section}_{key}")
+        phi = phi_of(fix, made.euler[0])
+        scale = np.trace(predicted)
+        total += phi**2 / np.maximum(np.diag(predicted), 1e-3 * scale)
+    low, high = chi_square_band(count, 1e-3)
+    strong = np.diag(predicted) > 0.01 * np.trace(predicted)
+    assert np.all(total[strong] > low)
+    assert np.all(total[strong] < high)

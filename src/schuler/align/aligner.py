@@ -96,7 +96,9 @@ def estimate(
         )
         responses = analytic_responses(h, attitude, site.gravity, site.earth_rate, method.base)
         disturbance = analytic_disturbance(h, attitude, responses)
-    budget = instrument_budget(responses, spec) if spec else {}
+    angle, velocity = h.increments()
+    mean_rate, mean_force = angle / h.duration, velocity / h.duration
+    budget = instrument_budget(responses, spec, mean_rate, mean_force) if spec else {}
     budget["disturbance"] = disturbance
     return Estimate(attitude, budget, orthonormality, ratio, spec)
 

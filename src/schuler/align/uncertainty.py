@@ -24,7 +24,7 @@ from schuler.align.history import History, inertial_to_local
 from schuler.align.inertial import Weights, weights
 from schuler.attitude import quat_to_matrix, skew
 from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
-from schuler.sensors.theory import flicker_correlation
+from schuler.sensors.theory import flicker_correlation, gauss_markov_correlation
 
 __all__ = [
     "Responses",
@@ -176,6 +176,10 @@ def part_covariance(
         flat = total.reshape(len(total), -1)
         mixed = (flicker_correlation(dt) @ flat).reshape(total.shape)
         out["bias_instability"] = part.bias_instability**2 * np.einsum("iab,icb->ac", total, mixed)
+    if part.gauss_markov:
+        flat = total.reshape(len(total), -1)
+        mixed = (gauss_markov_correlation(part.gauss_markov_time, dt) @ flat).reshape(total.shape)
+        out["gauss_markov"] = part.gauss_markov**2 * np.einsum("iab,icb->ac", total, mixed)
     if part.drift:
         later = np.cumsum(total[::-1], axis=0)[::-1]
         out["drift"] = part.drift**2 * _squared(later, dt)
@@ -188,14 +192,64 @@ _NAMES = {
 }
 
 
-def instrument_budget(responses: Responses, spec: ImuSpec) -> dict[str, Array]:
-    """Return the covariance of phi (3, 3), rad^2, of each error source of a specification."""
+def _geometric(part: GyroSpec | AccelerometerSpec, mean: Array, j: Array) -> dict[str, Array]:
+    """Return what scale factor and axis errors make of a steady input, as biases.
+
+    Parameters
+    ----------
+    part : GyroSpec or AccelerometerSpec
+    mean : (3,) float64
+        Mean rate or force, body axes.
+    j : (3, 3) float64
+        d phi / d bias.
+    """
+    out: dict[str, Array] = {}
+    for name, sigma, shape in (
+        ("scale_factor", part.scale_factor, np.diag(mean**2)),
+        ("scale_factor_asymmetry", part.scale_factor_asymmetry, np.diag(mean**2)),
+        # A turn a of the triad makes a x mean; leaning axes mix each input into those before it.
+        ("misalignment", part.misalignment, skew(mean) @ skew(mean).T),
+        (
+            "non_orthogonality",
+            part.non_orthogonality,
+            np.diag([mean[1] ** 2 + mean[2] ** 2, mean[2] ** 2, 0.0]),
+        ),
+    ):
+        if sigma:
+            out[name] = sigma**2 * (j @ shape @ j.T)
+    return out
+
+
+def instrument_budget(
+    responses: Responses, spec: ImuSpec, mean_rate: Array, mean_force: Array
+) -> dict[str, Array]:
+    """Return the covariance of phi (3, 3), rad^2, of each error source of a specification.
+
+    Parameters
+    ----------
+    responses : Responses
+    spec : ImuSpec
+    mean_rate, mean_force : (3,) float64
+        Over the record, body axes, rad/s and m/s^2: what scale and axis errors act on, and what
+        g-sensitive gyros feel.
+    """
     r = responses
     out: dict[str, Array] = {}
-    for name, v, part in (
-        ("gyro", r.gyro, spec.gyro),
-        ("accelerometer", r.accel, spec.accelerometer),
+    for name, v, part, mean in (
+        ("gyro", r.gyro, spec.gyro, mean_rate),
+        ("accelerometer", r.accel, spec.accelerometer, mean_force),
     ):
         for kind, cov in part_covariance(part, v @ r.attitude, r.dt, r.interval).items():
             out[f"{name}_{_NAMES[name].get(kind, kind)}"] = cov
+        j = r.bias_jacobian("gyro" if name == "gyro" else "accel")
+        for kind, cov in _geometric(part, mean, j).items():
+            out[f"{name}_{kind}"] = cov
+        if part.g2_sensitivity:
+            out[f"{name}_g2_sensitivity"] = (
+                part.g2_sensitivity**2 * j @ np.diag(mean_force**4) @ j.T
+            )
+    if spec.gyro.g_sensitivity:
+        j = r.bias_jacobian("gyro")
+        size = float(mean_force @ mean_force)
+        out["gyro_g_sensitivity"] = spec.gyro.g_sensitivity**2 * size * (j @ j.T)
     return out

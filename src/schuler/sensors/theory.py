@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from schuler.sensors.errors import AccelerometerSpec, GyroSpec
 
-__all__ = ["flicker_correlation", "mean_covariance"]
+__all__ = ["flicker_correlation", "gauss_markov_correlation", "mean_covariance"]
 
 Array = NDArray[np.float64]
 
@@ -58,6 +58,30 @@ def flicker_correlation(dt: Array, start: Array | None = None) -> Array:
     return np.asarray(variance * out)
 
 
+def gauss_markov_correlation(tau: float, dt: Array, start: Array | None = None) -> Array:
+    """Return the covariance (m, m) of means of unit first-order Gauss-Markov noise over stretches.
+
+    Parameters
+    ----------
+    tau : float
+        Correlation time, s.
+    dt, start : (m,) float64
+        As in `flicker_correlation`.
+    """
+    begin = np.cumsum(dt) - dt if start is None else start
+    u = np.maximum(dt / tau, 1e-6)
+    # Means of exp(-|t - t'| / tau) over two stretches: the gap between them, then each inside.
+    gap = np.maximum(begin[:, None], begin[None, :]) - np.minimum(
+        (begin + dt)[:, None], (begin + dt)[None, :]
+    )
+    inside = -np.expm1(-u) / u
+    out = np.exp(-np.maximum(gap, 0.0) / tau) * inside[:, None] * inside[None, :]
+    small = u < 1e-3
+    own = np.where(small, 1.0 - u / 3.0, 2.0 * (u - 1.0 + np.exp(-u)) / np.maximum(u, 1e-3) ** 2)
+    np.fill_diagonal(out, own)
+    return np.asarray(out)
+
+
 def mean_covariance(
     part: GyroSpec | AccelerometerSpec, start: Array, dt: Array, interval: float
 ) -> Array:
@@ -74,6 +98,8 @@ def mean_covariance(
     cov = np.diag(part.white**2 / dt)
     if part.bias_instability:
         cov += part.bias_instability**2 * flicker_correlation(dt, start)
+    if part.gauss_markov:
+        cov += part.gauss_markov**2 * gauss_markov_correlation(part.gauss_markov_time, dt, start)
     if part.drift:
         # A random walk from the first start on: min(t, t') between stretches, dt/3 within.
         begin = start - start[0]
