@@ -30,11 +30,28 @@ _EVERY = (64, 16, 4, 1)
 """Samples from draw to draw; processes that share it are summed before they are spread out."""
 
 
+class _Normal:
+    """A stream of normal numbers of its own, started from a generator."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._stream = rng.integers(0, 2**64, 2, dtype=np.uint64)
+        self._stream[1] |= np.uint64(1)
+
+    def __call__(self, *shape: int) -> Array:
+        from schuler.kernels.normal import standard_normal
+
+        out = np.empty(int(np.prod(shape)))
+        # Uncompiled, the wrap-around of its integers would be warned of.
+        with np.errstate(over="ignore"):
+            standard_normal(self._stream, out)
+        return out.reshape(shape)
+
+
 class _Processes:
     """Gauss-Markov processes and random walks on m axes that are drawn equally often."""
 
     def __init__(self, every: int, step: float, axes: int, rng: np.random.Generator) -> None:
-        self.every, self.step, self.rng = every, step, rng
+        self.every, self.step, self.normal = every, step, _Normal(rng)
         self.rho: list[float] = []
         self.kick: list[float] = []
         self.state = np.zeros((0, axes))
@@ -51,7 +68,7 @@ class _Processes:
         else:
             self.rho.append(float(np.exp(-span / tau)))
             self.kick.append(sigma * float(np.sqrt(-np.expm1(-2.0 * span / tau))))
-            first = sigma * self.rng.standard_normal(len(first))
+            first = sigma * self.normal(len(first))
         self.state = np.vstack([self.state, first])
         self.line[:, 1] += first
 
@@ -64,12 +81,12 @@ class _Processes:
         draws = 0 if n <= left else (n - left + self.every - 1) // self.every
         gauss_markov(
             self.every, np.array(self.rho), np.array(self.kick), self.step, self.place,
-            self.state, self.line, self.rng.standard_normal((draws, len(self.rho), axes)), out,
+            self.state, self.line, self.normal(draws, len(self.rho), axes), out,
         )  # fmt: skip
 
 
 class NoiseTrain:
-    """The noise of one triad, in increments, chunk by chunk.
+    """The noise of one triad, in increments, chunk by chunk; any chunking gives the same.
 
     Parameters
     ----------
@@ -93,7 +110,7 @@ class NoiseTrain:
         longest: float,
     ) -> None:
         self._white = part.white * float(np.sqrt(step))
-        self._rng = rng
+        self._normal = _Normal(rng)
         wanted: list[tuple[float, float]] = []
         if part.bias_instability:
             sigma = part.bias_instability * float(np.sqrt(np.log(10.0) / _PER_DECADE / np.pi))
@@ -118,8 +135,7 @@ class NoiseTrain:
     def make(self, out: Array) -> None:
         """Fill `out` (n, axes) with the next noise increments."""
         if self._white:
-            # The generator fills only arrays without gaps.
-            out[:] = self._white * self._rng.standard_normal(out.shape)
+            np.multiply(self._white, self._normal(*out.shape), out=out)
         else:
             out[:] = 0.0
         for process in self._processes.values():
