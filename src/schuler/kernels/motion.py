@@ -12,8 +12,8 @@ _BLOCK = 64
 
 
 @kernel
-def sum_lines(t, step, frequency, phase, amplitude, out):
-    """Add lines a sin(w t + p), and their first and second derivative, to `out`.
+def add_lines(t, step, channel, frequency, phase, amplitude, path, angles):
+    """Add lines a sin(w t + p), and their first and second derivative, to their channels.
 
     Parameters
     ----------
@@ -21,45 +21,53 @@ def sum_lines(t, step, frequency, phase, amplitude, out):
         s.
     step : float
         The even step of t, or 0 where it is uneven.
+    channel : (k,) int64
+        0 to 2 psi, theta, gamma, 3 to 5 east, north, up; ascending.
     frequency, phase, amplitude : (k,) float64
-        rad/s, rad, any unit.
-    out : (n, 3) float64
-        Value, rate and acceleration.
+        rad/s, rad, rad or m.
+    path, angles : (n, 3, 3) float64
+        Value, rate and acceleration (last axis) of the ways and of the angles.
     """
     n = t.shape[0]
-    cos_table = np.empty(_BLOCK)
-    sin_table = np.empty(_BLOCK)
-    value = np.zeros(n)
-    rate = np.zeros(n)
-    curve = np.zeros(n)
-    for line in range(frequency.shape[0]):
-        w, p, a = frequency[line], phase[line], amplitude[line]
-        if a == 0.0:
-            continue
-        if step == 0.0:
-            for i in range(n):
-                angle = w * t[i] + p
-                s, c = a * math.sin(angle), a * math.cos(angle)
-                value[i] += s
-                rate[i] += w * c
-                curve[i] -= w * w * s
-            continue
+    lines = frequency.shape[0]
+    table = np.empty((lines, 2, _BLOCK))
+    if step != 0.0:
         # sin(x + k w h) from one table a line: no recurrence, so nothing drifts.
-        for k in range(_BLOCK):
-            cos_table[k] = math.cos(w * step * k)
-            sin_table[k] = math.sin(w * step * k)
-        for begin in range(0, n, _BLOCK):
-            angle = w * t[begin] + p
-            s0, c0 = a * math.sin(angle), a * math.cos(angle)
-            # Slices: their indices need no check for being negative, so the loop is vectorised.
-            end = min(begin + _BLOCK, n)
-            some, more, most = value[begin:end], rate[begin:end], curve[begin:end]
-            for i in range(end - begin):
-                s = s0 * cos_table[i] + c0 * sin_table[i]
-                some[i] += s
-                more[i] += w * (c0 * cos_table[i] - s0 * sin_table[i])
-                most[i] -= w * w * s
-    for i in range(n):
-        out[i, 0] += value[i]
-        out[i, 1] += rate[i]
-        out[i, 2] += curve[i]
+        for line in range(lines):
+            for k in range(_BLOCK):
+                table[line, 0, k] = math.cos(frequency[line] * step * k)
+                table[line, 1, k] = math.sin(frequency[line] * step * k)
+    value, rate, curve = np.zeros(_BLOCK), np.zeros(_BLOCK), np.zeros(_BLOCK)
+    for begin in range(0, n, _BLOCK):
+        m = min(_BLOCK, n - begin)
+        for line in range(lines):
+            w, a = frequency[line], amplitude[line]
+            if step != 0.0:
+                angle = w * t[begin] + phase[line]
+                s0, c0 = a * math.sin(angle), a * math.cos(angle)
+                cosine, sine = table[line, 0], table[line, 1]
+                for k in range(m):
+                    s = s0 * cosine[k] + c0 * sine[k]
+                    value[k] += s
+                    rate[k] += w * (c0 * cosine[k] - s0 * sine[k])
+                    curve[k] -= w * w * s
+            else:
+                for k in range(m):
+                    angle = w * t[begin + k] + phase[line]
+                    s = a * math.sin(angle)
+                    value[k] += s
+                    rate[k] += w * a * math.cos(angle)
+                    curve[k] -= w * w * s
+            if line + 1 < lines and channel[line + 1] == channel[line]:
+                continue
+            c = channel[line]
+            for k in range(m):
+                if c < 3:
+                    angles[begin + k, c, 0] += value[k]
+                    angles[begin + k, c, 1] += rate[k]
+                    angles[begin + k, c, 2] += curve[k]
+                else:
+                    path[begin + k, c - 3, 0] += value[k]
+                    path[begin + k, c - 3, 1] += rate[k]
+                    path[begin + k, c - 3, 2] += curve[k]
+                value[k], rate[k], curve[k] = 0.0, 0.0, 0.0

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,24 +56,6 @@ class Lines:
             object.__setattr__(self, name, value)
         if not self.frequency.shape == self.amplitude.shape == self.phase.shape:
             raise InputError("lines need as many frequencies as amplitudes and phases")
-
-    def add(self, t: Array, path: Array, angles: Array) -> None:
-        """Add the lines to a path and to the angles of one frame, both (n, 3, 3)."""
-        from schuler.kernels.motion import sum_lines
-
-        steps = np.diff(t)
-        even = len(t) > 1 and float(np.ptp(steps)) < 1e-9 * float(abs(t[-1]) + steps[0])
-        k = CHANNELS.index(self.channel)
-        out = np.zeros((len(t), 3))
-        scale = (-DEG if k == 0 else DEG) if k < 3 else 1.0
-        sum_lines(
-            np.ascontiguousarray(t), (t[-1] - t[0]) / (len(t) - 1) if even else 0.0,
-            2.0 * np.pi * self.frequency, self.phase, scale * self.amplitude, out,
-        )  # fmt: skip
-        if k < 3:
-            angles[:, k] += out
-        else:
-            path[:, k - 3] += out
 
 
 @dataclass(frozen=True)
@@ -137,10 +120,35 @@ class Sway:
         """Draw a sway from bands."""
         return cls(heading, pitch, roll, tuple(band.draw(rng) for band in bands), lever)
 
+    @cached_property
+    def _all(self) -> tuple[NDArray[np.int64], Array, Array, Array]:
+        """Channel, frequency (rad/s), phase and amplitude (rad or m) of every line, by channel."""
+        which = [CHANNELS.index(x.channel) for x in self.lines]
+        scale = np.array([-DEG, DEG, DEG, 1.0, 1.0, 1.0])
+        order = sorted(range(len(which)), key=lambda k: which[k])
+        if not order:
+            none = np.empty(0)
+            return np.empty(0, np.int64), none, none, none
+        picked = [self.lines[k] for k in order]
+        channel = np.concatenate([np.full(len(self.lines[k].phase), which[k]) for k in order])
+        return (
+            channel.astype(np.int64),
+            2.0 * np.pi * np.concatenate([x.frequency for x in picked]),
+            np.concatenate([x.phase for x in picked]),
+            scale[channel] * np.concatenate([x.amplitude for x in picked]),
+        )
+
     def track(self, t: Array) -> Track:
         """Return the track at times t (n,), s."""
+        from schuler.kernels.motion import add_lines
+
         path, angles = np.zeros((len(t), 3, 3)), np.zeros((len(t), 3, 3))
         angles[:, :, 0] = np.array([-self.heading, self.pitch, self.roll]) * DEG
-        for line in self.lines:
-            line.add(t, path, angles)
+        step = 0.0
+        if len(t) > 1:
+            step = float(t[-1] - t[0]) / (len(t) - 1)
+            even = t[0] + step * np.arange(len(t))
+            if float(np.max(np.abs(t - even))) > 1e-9 * (abs(float(t[-1])) + abs(step)):
+                step = 0.0
+        add_lines(np.ascontiguousarray(t), step, *self._all, path, angles)
         return Track(path, angles[:, None], np.array([self.lever], np.float64))
