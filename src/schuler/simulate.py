@@ -8,6 +8,7 @@ algorithm.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ _GAUSS: tuple[Array, Array] = np.polynomial.legendre.leggauss(3)
 _NODES, _WEIGHTS = 0.5 + 0.5 * _GAUSS[0], 0.5 * _GAUSS[1]
 """Exact for polynomials of degree five inside one sampling interval."""
 
-_CHUNK = 8192
+_CHUNK = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,20 +40,42 @@ class Truth:
 
     Parameters
     ----------
-    time : (n + 1,) float64
-        s.
-    quaternion : (n + 1, 4) float64
-        q_b^n.
+    motion : Motion
+    start, step : float
+        Time of the start, and the sampling interval, s.
+    samples : int
+        n.
     velocity : (n + 1, 3) float64
         East, north, up, m/s.
     position : (n + 1, 3) float64
         Latitude (rad), longitude (rad), height (m).
     """
 
-    time: Array
-    quaternion: Array
-    velocity: Array
-    position: Array
+    motion: Motion = field(repr=False)
+    start: float
+    step: float
+    samples: int
+    velocity: Array = field(repr=False)
+    position: Array = field(repr=False)
+
+    @cached_property
+    def time(self) -> Array:
+        """Times, s, (n + 1,)."""
+        return self.start + self.step * np.arange(self.samples + 1, dtype=np.float64)
+
+    @cached_property
+    def quaternion(self) -> Array:
+        """q_b^n, (n + 1, 4)."""
+        parts = []
+        for a in range(0, self.samples + 1, _CHUNK):
+            k = np.arange(a, min(a + _CHUNK, self.samples + 1), dtype=np.float64)
+            parts.append(self.motion.track(self.step * k).quaternion)
+        return np.concatenate(parts)
+
+    def euler_at(self, row: int) -> Array:
+        """Return the true (psi, theta, gamma), rad, (3,), at a row (-1 is the end)."""
+        k = row % (self.samples + 1)
+        return quat_to_euler(self.motion.track(np.array([self.step * k])).quaternion[0])
 
     @property
     def euler(self) -> Array:
@@ -94,8 +117,8 @@ class Simulation:
 
     def heading_deg(self, at: str = "end") -> float:
         """Return the true heading at the start or the end, deg."""
-        row = quat_to_euler(self.truth.quaternion[0 if at == "start" else -1])
-        return float(psi_to_heading(row[0])) / DEG
+        psi = self.truth.euler_at(0 if at == "start" else -1)[0]
+        return float(psi_to_heading(psi)) / DEG
 
 
 def simulate(
@@ -153,7 +176,7 @@ def simulate(
         raise InputError("a specification needs a random generator: give rng")
     n = round(duration * rate)
     step = 1.0 / rate
-    increments, truth = _truth(motion, site, n, step, start)
+    dtheta, dvel, truth = _truth(motion, site, n, step, start)
     dt = np.full(n, step)
     if spec is not None and rng is not None:
         gyro = gyro or draw(spec.gyro, rng)
@@ -164,30 +187,29 @@ def simulate(
     if accel_bias is not None:
         accelerometer = accelerometer.with_bias(accel_bias)
     instrument = Instrument(spec, gyro, accelerometer, step, rng, temperature_rate)
-    dtheta, dvel = instrument.corrupt(increments)
+    instrument.corrupt(dtheta, dvel)
     record = ImuRecord(truth.time[1:], dt, dtheta, dvel, name=name)
     if spec is not None and spec.dropout and rng is not None:
         record = drop_out(record, spec.dropout, rng)
     return Simulation(record, truth, gyro, accelerometer)
 
 
-def _truth(motion: Motion, site: Site, n: int, step: float, start: float) -> tuple[Array, Truth]:
-    """Return the true increments (n, 6) and the truth."""
+def _truth(
+    motion: Motion, site: Site, n: int, step: float, start: float
+) -> tuple[Array, Array, Truth]:
+    """Return the true angle and velocity increments (n, 3) and the truth."""
     from schuler.kernels.truth import true_increments
 
     state = np.array([site.latitude, site.longitude, site.height, 0.0, 0.0])
-    out = np.empty((n, 6))
+    dtheta, dvel = np.empty((n, 3)), np.empty((n, 3))
     pose = np.empty((n + 1, 6))
-    quaternion = np.empty((n + 1, 4))
     for a in range(0, n, _CHUNK):
         b = min(a + _CHUNK, n)
         track = motion.track(step * np.arange(a, b + 1, dtype=np.float64))
         frames = track.angles.shape[1]
         angles = np.ascontiguousarray(track.angles).reshape(b - a + 1, 3 * frames, 3)
         true_increments(
-            state, step, np.ascontiguousarray(track.path), angles,
-            track.levers, _NODES, _WEIGHTS, out[a:b], pose[a : b + 1],
+            state, step, np.ascontiguousarray(track.path), angles, track.levers,
+            _NODES, _WEIGHTS, dtheta[a:b], dvel[a:b], pose[a : b + 1],
         )  # fmt: skip
-        quaternion[a : b + 1] = track.quaternion
-    time = start + step * np.arange(n + 1, dtype=np.float64)
-    return out, Truth(time, quaternion, pose[:, :3], pose[:, 3:])
+    return dtheta, dvel, Truth(motion, start, step, n, pose[:, :3], pose[:, 3:])

@@ -20,11 +20,11 @@ def said(
     gyro=None, accelerometer=None, spec=None, n=50, rng=None, warm=0.0, rate=RATE, force=FORCE
 ):
     """Return mean rate and force that an instrument reports for constant true ones."""
-    true = np.tile(np.concatenate([rate, force]) * STEP, (n, 1))
+    w, f = np.tile(rate * STEP, (n, 1)), np.tile(force * STEP, (n, 1))
     instrument = Instrument(
         spec, gyro or Imperfections(), accelerometer or Imperfections(), STEP, rng, warm
     )
-    w, f = instrument.corrupt(true)
+    instrument.corrupt(w, f)
     return w / STEP, f / STEP
 
 

@@ -57,15 +57,24 @@ _FUSE = {"contract"}
 """Let a product and a sum be rounded once; no other liberty is taken with the arithmetic."""
 
 
-def kernel(function: F) -> F:
-    """Compile a function with `numba.njit`, cached in schuler's own folder."""
+def _compile(function: F, liberties: set[str]) -> F:
     before = config.CACHE_DIR
     config.CACHE_DIR = CACHE_FOLDER
     try:
-        compiled: F = numba.njit(cache=_CACHE, error_model="numpy", fastmath=_FUSE)(function)
+        compiled: F = numba.njit(cache=_CACHE, error_model="numpy", fastmath=liberties)(function)
     finally:
         config.CACHE_DIR = before
     return compiled
+
+
+def kernel(function: F) -> F:
+    """Compile a function with `numba.njit`, cached in schuler's own folder."""
+    return _compile(function, _FUSE)
+
+
+def summing_kernel(function: F) -> F:
+    """Compile a function whose sums may be taken in another order: several at a time."""
+    return _compile(function, _FUSE | {"reassoc"})
 
 
 def helper(function: F) -> F:

@@ -58,7 +58,9 @@ def gauss_markov(every, rho, kick, step, place, state, line, normal, out):
 
 
 @kernel
-def measure(state, step, warm, bias, matrix, asymmetry, g1, g2, heat, most, grain, noise, out):
+def measure(
+    state, step, warm, bias, matrix, asymmetry, g1, g2, heat, most, grain, wn, fn, dtheta, dvel
+):
     """Turn true increments plus noise into what an instrument says, in place.
 
     Parameters
@@ -79,19 +81,21 @@ def measure(state, step, warm, bias, matrix, asymmetry, g1, g2, heat, most, grai
         Largest rate that is measured; 0 is no limit.
     grain : (6,) float64
         Rounding step of the summed increments; 0 is none.
-    noise : (n, 6) float64
+    wn, fn : (n, 3) float64
         Increments of noise.
-    out : (n, 6) float64
+    dtheta, dvel : (n, 3) float64
         True increments; replaced.
     """
     r = 1.0 / step
-    for i in range(out.shape[0]):
-        fx, fy, fz = out[i, 3] * r, out[i, 4] * r, out[i, 5] * r
+    for i in range(dtheta.shape[0]):
+        fx, fy, fz = dvel[i, 0] * r, dvel[i, 1] * r, dvel[i, 2] * r
         kelvin = warm * (state[18] + 0.5 * step)
         state[18] += step
         for group in range(2):
             b = 3 * group
-            x, y, z = out[i, b], out[i, b + 1], out[i, b + 2]
+            out = dtheta if group == 0 else dvel
+            noise = wn if group == 0 else fn
+            x, y, z = out[i, 0], out[i, 1], out[i, 2]
             for j in range(3):
                 c = b + j
                 own = x if j == 0 else (y if j == 1 else z)
@@ -100,7 +104,7 @@ def measure(state, step, warm, bias, matrix, asymmetry, g1, g2, heat, most, grai
                 if group == 0:
                     rate += g1[j, 0] * fx + g1[j, 1] * fy + g1[j, 2] * fz
                 value = own + matrix[c, 0] * x + matrix[c, 1] * y + matrix[c, 2] * z
-                value += asymmetry[c] * abs(own) + step * rate + noise[i, c]
+                value += asymmetry[c] * abs(own) + step * rate + noise[i, j]
                 if most[c] > 0.0:
                     value = max(-most[c] * step, min(most[c] * step, value))
                 if grain[c] > 0.0:
@@ -108,4 +112,4 @@ def measure(state, step, warm, bias, matrix, asymmetry, g1, g2, heat, most, grai
                     rounded = math.floor(state[c] / grain[c]) * grain[c]
                     value = rounded - state[6 + c]
                     state[6 + c] = rounded
-                out[i, c] = value
+                out[i, j] = value

@@ -237,7 +237,7 @@ def place(way, arc, levers, arms, m, u: float, r: float, w) -> None:
 
 
 @kernel
-def true_increments(state, h, path, angles, levers, nodes, weights, out, pose):
+def true_increments(state, h, path, angles, levers, nodes, weights, dtheta, dvel, pose):
     """Integrate rate and force over each interval between knots.
 
     Parameters
@@ -255,7 +255,7 @@ def true_increments(state, h, path, angles, levers, nodes, weights, out, pose):
         m.
     nodes, weights : (j,) float64
         Gauss-Legendre on (0, 1).
-    out : (n, 6) float64
+    dtheta, dvel : (n, 3) float64
         Filled with the angle and velocity increments in body axes.
     pose : (n + 1, 6) float64
         Filled with velocity east, north, up and latitude, longitude, height at the knots.
@@ -335,8 +335,9 @@ def true_increments(state, h, path, angles, levers, nodes, weights, out, pose):
                 w[POS, i] += q * vn * im
                 w[POS + 1, i] += q * east
         for i in range(m):
-            for e in range(6):
-                out[first + i, e] = h * w[SUM + e, i]
+            for e in range(3):
+                dtheta[first + i, e] = h * w[SUM + e, i]
+                dvel[first + i, e] = h * w[SUM + 3 + e, i]
             pose[first + i, 3], pose[first + i, 4] = state[0], state[1]
             state[0] += h * w[POS, i]
             state[1] += h * w[POS + 1, i]

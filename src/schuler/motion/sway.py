@@ -92,6 +92,15 @@ class Band:
         return Lines(self.channel, frequency, amplitude, rng.uniform(0, 2 * np.pi, self.lines))
 
 
+def _even_step(t: Array) -> float:
+    """Return the step of evenly spaced times, rounded so that chunks agree on it, else 0."""
+    if len(t) < 2:
+        return 0.0
+    step = float(f"{float(t[-1] - t[0]) / (len(t) - 1):.11g}")
+    even = t[0] + step * np.arange(len(t))
+    return step if float(np.max(np.abs(t - even))) < 1e-9 * (abs(float(t[-1])) + step) else 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Sway:
     """A body that sways about a mean attitude.
@@ -138,17 +147,28 @@ class Sway:
             scale[channel] * np.concatenate([x.amplitude for x in picked]),
         )
 
+    @cached_property
+    def _tables(self) -> dict[float, tuple[Array, Array]]:
+        return {}
+
+    def _table(self, step: float) -> tuple[Array, Array]:
+        """Return cosines and sines of every line's turn in 0, 1, 2 ... steps, kept for reuse."""
+        from schuler.kernels.motion import BLOCK
+
+        if step == 0.0:
+            return np.empty((0, 0)), np.empty((0, 0))
+        if step not in self._tables:
+            turn = step * np.arange(BLOCK)[:, None] * self._all[1]
+            self._tables.clear()
+            self._tables[step] = (np.cos(turn), np.sin(turn))
+        return self._tables[step]
+
     def track(self, t: Array) -> Track:
         """Return the track at times t (n,), s."""
         from schuler.kernels.motion import add_lines
 
         path, angles = np.zeros((len(t), 3, 3)), np.zeros((len(t), 3, 3))
         angles[:, :, 0] = np.array([-self.heading, self.pitch, self.roll]) * DEG
-        step = 0.0
-        if len(t) > 1:
-            step = float(t[-1] - t[0]) / (len(t) - 1)
-            even = t[0] + step * np.arange(len(t))
-            if float(np.max(np.abs(t - even))) > 1e-9 * (abs(float(t[-1])) + abs(step)):
-                step = 0.0
-        add_lines(np.ascontiguousarray(t), step, *self._all, path, angles)
+        table = self._table(_even_step(t))
+        add_lines(np.ascontiguousarray(t), *table, *self._all, path, angles)
         return Track(path, angles[:, None], np.array([self.lever], np.float64))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.constants import STANDARD_GRAVITY
+from schuler.constants import DEG, STANDARD_GRAVITY
 from schuler.motion.base import Track
 from schuler.motion.sway import CHANNELS, Band, Lines, Sway
 
@@ -52,22 +52,36 @@ class Event:
     ringing: float = 1.5
     decay: float = 0.4
 
+    @property
+    def life(self) -> float:
+        """Time after which it has settled to the last bit, s."""
+        return 45.0 * (_SETTLING if self.kind == "settle" else self.decay)
+
+    def _target(self, path: Array, angles: Array) -> tuple[Array, float]:
+        """Return the channel (n, 3) in its array, and the size in rad or m."""
+        k = CHANNELS.index(self.channel)
+        if k >= 3:
+            return path[:, k - 3], self.size
+        return angles[:, k], self.size * DEG * (-1.0 if k == 0 else 1.0)
+
+    def leave(self, path: Array, angles: Array) -> None:
+        """Add what is left of the event once it has settled."""
+        if self.kind != "slam":
+            target, size = self._target(path, angles)
+            target[:, 0] += size
+
     def add(self, t: Array, path: Array, angles: Array) -> None:
         """Add the event to a path and to the angles of one frame, both (n, 3, 3); t ascends."""
-        k = CHANNELS.index(self.channel)
-        scale = self.size * (np.pi / 180.0 if k < 3 else 1.0) * (-1.0 if k == 0 else 1.0)
-        target = angles[:, k] if k < 3 else path[:, k - 3]
-        life = 45.0 * (_SETTLING if self.kind == "settle" else self.decay)
-        begin, end = np.searchsorted(t, [self.time, self.time + life])
+        target, size = self._target(path, angles)
+        begin, end = np.searchsorted(t, [self.time, self.time + self.life])
         x = t[begin:end] - self.time
         if self.kind == "settle":
             value = _settle(x, _SETTLING)
         else:
             value = _ring(x, self.ringing, self.decay, self.kind == "board")
-        target[begin:end] += scale * value
+        target[begin:end] += size * value
         if self.kind != "slam":
-            # Settled to the last bit.
-            target[end:, 0] += scale
+            target[end:, 0] += size
 
 
 def _settle(x: Array, tau: float) -> Array:
@@ -294,8 +308,13 @@ class DisturbedVehicle:
     def track(self, t: Array) -> Track:
         """Return the track at times t (n,), s."""
         track = self.sway.track(t)
-        span = (float(t.min()), float(t.max()))
+        angles = track.angles[:, 0]
+        begin, end = float(t[0]), float(t[-1])
         for event in self.events:
-            if event.time < span[1]:
-                event.add(t, track.path, track.angles[:, 0])
+            if event.time >= end:
+                continue
+            if event.time + event.life <= begin:
+                event.leave(track.path, angles)
+            else:
+                event.add(t, track.path, angles)
         return track

@@ -191,28 +191,26 @@ class Instrument:
                 # The rounding's phase: where in its step each sum begins.
                 self._state[:6] = self._grain * rng.uniform(0.0, 1.0, 6)
 
-    def corrupt(self, increments: Array, chunk: int = 8192) -> tuple[Array, Array]:
-        """Return angle and velocity increments (n, 3) as measured; `increments` is replaced."""
-        n = len(increments)
-        noise = np.zeros((min(chunk, n), 6))
+    def corrupt(self, dtheta: Array, dvel: Array, chunk: int = 4096) -> None:
+        """Replace true angle and velocity increments (n, 3) by what is measured."""
+        n = len(dtheta)
+        noise = np.zeros((2, min(chunk, n), 3))
         trains: list[NoiseTrain] = []
         if self._spec is not None and self._rng is not None:
             trains = [
                 NoiseTrain(part, self._step, 3, self._rng, n * self._step)
                 for part in (self._spec.gyro, self._spec.accelerometer)
             ]
-        scratch = np.zeros((len(noise), 3))
+        bias, matrix, asymmetry, g1, g2, heat = self._constant
         for a in range(0, n, chunk):
             b = min(a + chunk, n)
-            for k, train in enumerate(trains):
-                train.make(scratch[: b - a])
-                noise[: b - a, 3 * k : 3 * k + 3] = scratch[: b - a]
-            bias, matrix, asymmetry, g1, g2, heat = self._constant
+            for train, out in zip(trains, noise, strict=False):
+                train.make(out[: b - a])
             self._measure(
                 self._state, self._step, self._warm, bias, matrix, asymmetry, g1, g2, heat,
-                self._most, self._grain, noise[: b - a], increments[a:b],
+                self._most, self._grain, noise[0, : b - a], noise[1, : b - a],
+                dtheta[a:b], dvel[a:b],
             )  # fmt: skip
-        return np.ascontiguousarray(increments[:, :3]), np.ascontiguousarray(increments[:, 3:])
 
 
 @dataclass(frozen=True, eq=False)
