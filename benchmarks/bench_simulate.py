@@ -1,7 +1,7 @@
 """True increments of a swaying vehicle, beside pyins; and what all error terms cost.
 
 pyins is given the trajectory, sampled, and turns it into increments. So the first row gives ours
-the trajectory as well; the second makes the motion too (24 sinusoids on each of six channels).
+the trajectory as well; the second makes the motion too (16 sinusoids on each of six channels).
 Both must agree before they are timed: pyins interpolates between the samples, so to a part in a
 thousand of the motion.
 """

@@ -349,7 +349,7 @@ WARNINGS: dict[str, tuple[Make, str]] = {
     "deg/s read as rad/s": (spoilt(scale(GYROS, 57.29578)), "would fit .*were in deg/s"),
     "deg/h read as rad/s": (spoilt(scale(GYROS, 57.29578 * 3600)), "would fit .*in deg/h"),
     "accelerometers 2 % off": (spoilt(scale(FORCES, 1.02)), r"\+1.99 %"),
-    "z down": (spoilt(lambda x: x * [1, 1, -1, -1, 1, -1, -1]), "--axes FRD"),
+    "z down": (spoilt(lambda x: x * [1, 1, -1, -1, 1, -1, -1]), "points along -z"),
     "on its side": (spoilt(lambda x: x[:, [0, 3, 1, 2, 6, 4, 5]]), r"points along \+x"),
     "a clock that jitters": (
         spoilt(lambda x: x + np.outer(0.01 * (np.arange(N) % 3), np.eye(7)[0])), "jitter by"),

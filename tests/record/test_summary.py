@@ -146,7 +146,7 @@ FRD = [[0, 1, 0], [1, 0, 0], [0, 0, -1]]
         ({"gyro": 0.1}, "if the gyro values were increments over each interval, not rates"),
         ({"gyro": 0.0}, "the gyros read nothing: their mean |w| is zero; check their columns"),
         ({"gyro": 4.0}, "15.04 deg/h; the gyros have a bias of that size (see --spec)"),
-        ({"axes": FRD}, "the record's z axis points down; if the axes are front-right-down say"),
+        ({"axes": FRD}, "the force points along -z, down in right-front-up axes"),
         ({"axes": [[0, 0, 1], [1, 0, 0], [0, 1, 0]]}, "the force points along +x: the body lies"),
         ({"axes": [[1, 0, 0], [0, 0, -1], [0, 1, 0]]}, "the force points along -y: the body lies"),
     ],

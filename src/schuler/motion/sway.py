@@ -78,7 +78,7 @@ class Band:
     rms: float
     low: float
     high: float
-    lines: int = 24
+    lines: int = 16
 
     def draw(self, rng: np.random.Generator) -> Lines:
         """Draw the lines."""
