@@ -17,6 +17,8 @@ _COMMANDS = {
     "info": ("schuler.cli.info", "Look at a record: rate, gravity, Earth rate, noise, hints."),
     "align": ("schuler.cli.align", "Find north: heading, pitch and roll with their uncertainty."),
     "limit": ("schuler.cli.limit", "Say how good an alignment can be at all: no record needed."),
+    "simulate": ("schuler.cli.simulate", "Make a record, and its truth, from a scenario file."),
+    "campaign": ("schuler.cli.campaign", "Simulate and align many times: is sigma what it says?"),
     "demo": ("schuler.cli.demo", "Align a simulated truck and compare with the truth."),
 }
 

@@ -1,0 +1,110 @@
+"""The command ``schuler simulate``: a scenario file to a record and its truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from schuler.cli.common import emit_json
+from schuler.errors import InputError
+
+if TYPE_CHECKING:
+    from schuler.config import Scenario
+    from schuler.simulate import Simulation
+
+__all__ = ["command"]
+
+
+@click.command("simulate", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("scenario", metavar="SCENARIO.toml")
+@click.option(
+    "--out", metavar="FILE", help="The record: .parquet (default: by the scenario's name), "
+    ".csv or .npz.",
+)  # fmt: skip
+@click.option("--truth", metavar="PARQUET", help="Where the truth goes (FILE.truth.parquet).")
+@click.option("--seed", type=int, metavar="N", help="Another seed than the scenario's.")
+@click.option("--run", type=int, metavar="K", help="Make run K of the scenario's campaign.")
+@click.option(
+    "--set", "overrides", multiple=True, metavar="KEY=VALUE",
+    help="Set a value of the scenario: motion.heading=30, duration=60s.",
+)  # fmt: skip
+@click.option("--json", "json_to", metavar="OUT", help="Write what was made as JSON (- : here).")
+def command(**options: Any) -> None:
+    """Simulate the record of a scenario file, with its truth beside it.
+
+    \b
+      schuler simulate truck.toml --out truck.parquet
+      schuler simulate truck.toml --seed 7 --set motion.heading=120 --set duration=60s
+    """  # noqa: D301
+    from schuler.config import load_scenario, parse_overrides
+    from schuler.io import write
+    from schuler.io.truth import truth_path, write_truth
+
+    overrides = parse_overrides(options["overrides"])
+    if options["seed"] is not None:
+        overrides["seed"] = options["seed"]
+    scenario = load_scenario(options["scenario"], overrides)
+    run = options["run"]
+    if run is not None and run < 0:
+        raise InputError(f"--run must be 0 or more, got {run}")
+    out = Path(options["out"] or f"{scenario.name.replace('/', '-')}.parquet")
+    truth = Path(options["truth"] or truth_path(out))
+    for path in (out, truth):
+        if not path.parent.is_dir():
+            raise InputError(f"{path}: there is no folder '{path.parent}' to write it to")
+    if out.resolve() == truth.resolve():
+        raise InputError(f"{out}: record and truth cannot go into the same file")
+    made = scenario.run(scenario.sequence(run))
+    write(made.record, out)
+    about = _about(scenario, made, run)
+    write_truth(made.truth, truth, {**about, "scenario": dict(scenario.data)})
+    about = {"schema": "schuler.simulation/1", "record": str(out), "truth": str(truth), **about}
+    if options["json_to"] is not None:
+        emit_json(about, options["json_to"])
+    if options["json_to"] != "-":
+        _print(scenario, about)
+
+
+def _about(scenario: Scenario, made: Simulation, run: int | None) -> dict[str, Any]:
+    from schuler.constants import DEG_PER_HOUR, MICRO_G
+
+    return {
+        "name": scenario.name,
+        "seed": scenario.seed,
+        "run": run,
+        "motion": scenario.kind,
+        "instrument": None if scenario.spec is None else scenario.spec.name,
+        "samples": len(made.record),
+        "duration_s": scenario.duration,
+        "rate_hz": scenario.rate,
+        "latitude_deg": scenario.site.lat,
+        "longitude_deg": scenario.site.lon,
+        "height_m": scenario.site.height,
+        "heading_deg": {at: made.heading_deg(at) for at in ("start", "end")},
+        "gyro_bias_deg_h": [float(v) / DEG_PER_HOUR for v in made.gyro_bias],
+        "accel_bias_ug": [float(v) / MICRO_G for v in made.accel_bias],
+        "scenario_sha256": scenario.digest,
+    }
+
+
+def _print(scenario: Scenario, about: dict[str, Any]) -> None:
+    site, heading = scenario.site, about["heading_deg"]
+    gyro, accel = about["gyro_bias_deg_h"], about["accel_bias_ug"]
+    seed = f"seed {about['seed']}" + ("" if about["run"] is None else f", run {about['run']}")
+    click.echo(
+        f"{about['name']}: {about['motion']}, {scenario.duration:g} s at {scenario.rate:g} Hz, "
+        f"{about['samples']} samples, {seed}"
+    )
+    click.echo(f"site        {site.lat:g} deg N, {site.lon:g} deg E, {site.height:g} m")
+    click.echo(
+        f"heading     {heading['start']:.4f} deg at the start, {heading['end']:.4f} deg at the end"
+    )
+    if about["instrument"] is None:
+        click.echo("instrument  without errors")
+    else:
+        click.echo(f"instrument  {about['instrument']}")
+        click.echo(f"gyro bias   {'  '.join(f'{v:+.5f}' for v in gyro)} deg/h (x, y, z)")
+        click.echo(f"accel bias  {'  '.join(f'{v:+.2f}' for v in accel)} ug (x, y, z)")
+    click.echo(f"record {about['record']}, truth {about['truth']}")
