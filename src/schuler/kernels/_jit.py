@@ -61,7 +61,9 @@ def _compile(function: F, liberties: set[str]) -> F:
     before = config.CACHE_DIR
     config.CACHE_DIR = CACHE_FOLDER
     try:
-        compiled: F = numba.njit(cache=_CACHE, error_model="numpy", fastmath=liberties)(function)
+        compiled: F = numba.njit(cache=_CACHE, error_model="numpy", fastmath=liberties, nogil=True)(
+            function
+        )
     finally:
         config.CACHE_DIR = before
     return compiled

@@ -1,0 +1,363 @@
+"""Empirical mode decomposition: extrema, end conditions, envelopes, sifting.
+
+An envelope is the natural cubic spline through the extrema of one kind, continued beyond both
+ends of the record by extrema that are mirrored (Rilling, Flandrin and Goncalves, 2003) or
+predicted from the sequence of extrema itself.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from schuler.kernels._jit import helper, kernel
+
+MIRROR, PREDICT, LINEAR = 0, 1, 2
+"""How the extrema are continued."""
+
+FIXED, STANDARD_DEVIATION, EVOLVED = 0, 1, 2
+"""When sifting stops: after so many; by the change between sifts; by mean against amplitude."""
+
+PAD = 2
+"""Extrema that are added at each end."""
+
+ORDER = 2
+"""Order of the linear predictor."""
+
+LOOK_BACK = 200
+"""Extrema before the end that are searched for likeness."""
+
+
+@helper
+def find_extrema(x, high, low) -> tuple[int, int]:
+    """Fill high and low with the indices of maxima and minima; return how many of each.
+
+    A plateau counts once, at its middle.
+    """
+    highs = 0
+    lows = 0
+    slope = 0.0
+    flat = 0
+    for i in range(1, x.shape[0]):
+        d = x[i] - x[i - 1]
+        if d == 0.0:
+            continue
+        if slope > 0.0 and d < 0.0:
+            high[highs] = (flat + i - 1) // 2
+            highs += 1
+        elif slope < 0.0 and d > 0.0:
+            low[lows] = (flat + i - 1) // 2
+            lows += 1
+        slope = d
+        flat = i
+    return highs, lows
+
+
+@helper
+def mirror_about(x, high, highs, low, lows, end, t, v, count, kind) -> int:
+    """Add PAD extrema of one kind beyond an end by mirroring; return the new count.
+
+    Parameters
+    ----------
+    x : (n,) float64
+    high, low : indices of maxima and minima
+    end : 0 for the left end, 1 for the right
+    t, v : knots so far, to which is added in the order away from the end
+    kind : 0 for maxima, 1 for minima
+    """
+    n = x.shape[0]
+    edge = 0 if end == 0 else n - 1
+    first_high = high[0] if end == 0 else high[highs - 1]
+    first_low = low[0] if end == 0 else low[lows - 1]
+    high_first = first_high < first_low if end == 0 else first_high > first_low
+    # About the outermost extremum, unless the end itself reaches beyond the next one.
+    if high_first:
+        about = first_high if x[edge] > x[first_low] else edge
+    else:
+        about = first_low if x[edge] < x[first_high] else edge
+    which, number = (high, highs) if kind == 0 else (low, lows)
+    own_first = high_first if kind == 0 else not high_first
+    skip = 0
+    if about != edge and own_first:
+        skip = 1
+    take = PAD
+    extra = False
+    if about == edge and not own_first:
+        # The end itself is an extremum of the other kind's neighbour.
+        take = PAD - 1
+        extra = True
+    if extra:
+        t[count] = float(edge)
+        v[count] = x[edge]
+        count += 1
+    for k in range(take):
+        j = skip + k
+        if j >= number:
+            break
+        index = which[j] if end == 0 else which[number - 1 - j]
+        where = 2.0 * about - index
+        if (end == 0 and where >= 0.0 and index != about) or (
+            end == 1 and where <= n - 1.0 and index != about
+        ):
+            where = 2.0 * edge - index
+        t[count] = where
+        v[count] = x[index]
+        count += 1
+    return count
+
+
+@helper
+def predict_next(v, other, number, others) -> float:
+    """Return the next value of a sequence of extrema, by its likest past.
+
+    Past places are ranked by |difference| of both kinds' values to the last pair; those count
+    whose rise or fall into them, of both kinds, is as at the end. A linear predictor of order
+    `ORDER` is fitted to what followed them, the likest with the most weight.
+    """
+    last = number - 1
+    shift = others - number
+    m00, m01, m02, m11, m12, m22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    r0, r1, r2 = 0.0, 0.0, 0.0
+    scale = 0.0
+    begin = max(ORDER, 1 - shift, last - LOOK_BACK)
+    for i in range(begin, last):
+        scale += abs(v[i + 1] - v[i])
+    if last - begin < 1:
+        return v[last] if last < 1 else 2.0 * v[last] - v[last - 1]
+    scale = scale / (last - begin) + 1e-300
+    rise = v[last] - v[last - 1]
+    o = last + shift
+    o_rise = 0.0
+    if 1 <= o < others:
+        o_rise = other[o] - other[o - 1]
+    used = 0
+    for i in range(begin, last):
+        d = abs(v[i] - v[last])
+        same = (v[i] - v[i - 1]) * rise > 0.0
+        p = i + shift
+        if 1 <= p < others and 1 <= o < others:
+            d += abs(other[p] - other[o])
+            same = same and (other[p] - other[p - 1]) * o_rise >= 0.0
+        if not same:
+            continue
+        w = math.exp(-d / scale)
+        # Steps, not values: a drift of the extrema goes on.
+        a, b, c = v[i] - v[i - 1], v[i - 1] - v[i - 2], v[i + 1] - v[i]
+        m00 += w
+        m01 += w * a
+        m02 += w * b
+        m11 += w * a * a
+        m12 += w * a * b
+        m22 += w * b * b
+        r0 += w * c
+        r1 += w * c * a
+        r2 += w * c * b
+        used += 1
+    step = 0.0
+    for i in range(begin, last):
+        step += (v[i + 1] - v[i]) / (last - begin)
+    if used < 4 or m00 < 1e-12:
+        return v[last] + step
+    # Centred, with a ridge of a hundredth of the scatter: a few likenesses fix no two slopes.
+    ma, mb, my = m01 / m00, m02 / m00, r0 / m00
+    saa, sab, sbb = m11 / m00 - ma * ma, m12 / m00 - ma * mb, m22 / m00 - mb * mb
+    sya, syb = r1 / m00 - my * ma, r2 / m00 - my * mb
+    ridge = 0.01 * (saa + sbb) + 1e-300
+    saa += ridge
+    sbb += ridge
+    det = saa * sbb - sab * sab
+    ka, kb = (sya * sbb - syb * sab) / det, (syb * saa - sya * sab) / det
+    a, b = v[last] - v[last - 1], v[last - 1] - v[last - 2]
+    return v[last] + my + ka * (a - ma) + kb * (b - mb)
+
+
+@helper
+def spread(index, number, x, flip, v) -> None:
+    """Fill v with the values at extrema, in time's order or against it."""
+    for i in range(number):
+        v[i] = x[index[number - 1 - i]] if flip else x[index[i]]
+
+
+@helper
+def predict_beyond(x, high, highs, low, lows, end, t, v, count, kind, own, rest) -> int:
+    """Add predicted extrema of one kind beyond an end; return the new count.
+
+    The next value comes from `predict_next`, the next time from the mean of the last few gaps.
+    Values before the very end that lie outside what was predicted are knots themselves.
+    """
+    n = x.shape[0]
+    which, number = (high, highs) if kind == 0 else (low, lows)
+    other, others = (low, lows) if kind == 0 else (high, highs)
+    spread(which, number, x, end == 0, own)
+    spread(other, others, x, end == 0, rest)
+    value = predict_next(own, rest, number, others)
+    gaps = min(number - 1, 4)
+    near = which[0] if end == 0 else which[number - 1]
+    far = which[gaps] if end == 0 else which[number - 1 - gaps]
+    gap = abs(near - far) / max(gaps, 1)
+    way = -1.0 if end == 0 else 1.0
+    edge = 0.0 if end == 0 else n - 1.0
+    where = near + way * gap
+    # The end may reach beyond the envelope before the predicted extremum comes.
+    beyond = x[0] if end == 0 else x[n - 1]
+    if (kind == 0 and beyond > max(value, x[near])) or (kind == 1 and beyond < min(value, x[near])):
+        value = beyond
+        where = edge
+    if (end == 0 and where > edge) or (end == 1 and where < edge):
+        where = edge
+    t[count] = where
+    v[count] = value
+    count += 1
+    t[count] = where + way * max(gap, 1.0)
+    v[count] = 2.0 * value - x[near]
+    return count + 1
+
+
+@helper
+def extend_line(x, high, highs, low, lows, end, t, v, count, kind) -> int:
+    """Add extrema beyond an end on the line through the last two; return the new count."""
+    n = x.shape[0]
+    which, number = (high, highs) if kind == 0 else (low, lows)
+    a = which[0] if end == 0 else which[number - 1]
+    b = which[1] if end == 0 else which[number - 2]
+    edge = 0.0 if end == 0 else n - 1.0
+    value = x[a] + (x[a] - x[b]) / (a - b) * (edge - a)
+    beyond = x[0] if end == 0 else x[n - 1]
+    if (kind == 0 and beyond > value) or (kind == 1 and beyond < value):
+        value = beyond
+    t[count] = edge
+    v[count] = value
+    t[count + 1] = edge + (a - b)
+    v[count + 1] = value
+    return count + 2
+
+
+@helper
+def envelope(t, v, count, slope, work, out) -> None:
+    """Fill out with the natural cubic spline through knots t, v at 0, 1, 2 ..."""
+    # Second derivatives by the tridiagonal algorithm.
+    slope[0] = 0.0
+    work[0] = 0.0
+    for i in range(1, count - 1):
+        left, right = t[i] - t[i - 1], t[i + 1] - t[i]
+        s = left / (left + right)
+        p = s * slope[i - 1] + 2.0
+        slope[i] = (s - 1.0) / p
+        d = (v[i + 1] - v[i]) / right - (v[i] - v[i - 1]) / left
+        work[i] = (6.0 * d / (left + right) - s * work[i - 1]) / p
+    slope[count - 1] = 0.0
+    for i in range(count - 2, -1, -1):
+        slope[i] = slope[i] * slope[i + 1] + work[i]
+    n = out.shape[0]
+    k = 0
+    i = 0
+    while i < n:
+        while k < count - 2 and t[k + 1] <= i:
+            k += 1
+        h = t[k + 1] - t[k]
+        c0, c1 = slope[k], slope[k + 1]
+        base, step = v[k], (v[k + 1] - v[k]) / h
+        a1 = step - h * (2.0 * c0 + c1) / 6.0
+        a2, a3 = 0.5 * c0, (c1 - c0) / (6.0 * h)
+        stop = n
+        if k < count - 2:
+            stop = min(n, max(i + 1, math.ceil(t[k + 1])))
+        for j in range(i, stop):
+            x = j - t[k]
+            out[j] = base + x * (a1 + x * (a2 + x * a3))
+        i = stop
+
+
+@helper
+def knots(x, high, highs, low, lows, rule, kind, t, v, side_t, side_v, own, rest) -> int:
+    """Fill t, v with the knots of one envelope, ascending; return their number."""
+    which, number = (high, highs) if kind == 0 else (low, lows)
+    count = 0
+    for end in range(2):
+        added = 0
+        if rule == PREDICT:
+            added = predict_beyond(
+                x, high, highs, low, lows, end, side_t, side_v, 0, kind, own, rest
+            )
+        elif rule == LINEAR:
+            added = extend_line(x, high, highs, low, lows, end, side_t, side_v, 0, kind)
+        else:
+            added = mirror_about(x, high, highs, low, lows, end, side_t, side_v, 0, kind)
+        if end == 0:
+            for i in range(added - 1, -1, -1):
+                if count == 0 or side_t[i] > t[count - 1]:
+                    t[count], v[count] = side_t[i], side_v[i]
+                    count += 1
+            for i in range(number):
+                if count == 0 or which[i] > t[count - 1]:
+                    t[count], v[count] = float(which[i]), x[which[i]]
+                    count += 1
+        else:
+            for i in range(added):
+                if side_t[i] > t[count - 1]:
+                    t[count], v[count] = side_t[i], side_v[i]
+                    count += 1
+    return count
+
+
+@kernel
+def sift(x, rule, stop, limit, threshold, mode):
+    """Sift one mode out of a series.
+
+    Parameters
+    ----------
+    x : (n,) float64
+        The series.
+    rule : int
+        `MIRROR`, `PREDICT` or `LINEAR`.
+    stop : int
+        `FIXED`, `STANDARD_DEVIATION` or `EVOLVED`.
+    limit : int
+        Most siftings.
+    threshold : float
+        Of the stop rule.
+    mode : (n,) float64
+        Filled with the mode.
+
+    Returns
+    -------
+    int
+        Siftings done; 0 when there are too few extrema for a mode.
+    """
+    n = x.shape[0]
+    high, low = np.empty(n // 2 + 2, np.int64), np.empty(n // 2 + 2, np.int64)
+    size = n // 2 + 2 * PAD + 4
+    t, v = np.empty(size), np.empty(size)
+    slope, work = np.empty(size), np.empty(size)
+    own, rest = np.empty(size), np.empty(size)
+    side_t, side_v = np.empty(PAD + 2), np.empty(PAD + 2)
+    upper, lower = np.empty(n), np.empty(n)
+    for i in range(n):
+        mode[i] = x[i]
+    done = 0
+    while done < limit:
+        highs, lows = find_extrema(mode, high, low)
+        if highs < 2 or lows < 2:
+            break
+        for kind in range(2):
+            count = knots(mode, high, highs, low, lows, rule, kind, t, v, side_t, side_v, own, rest)
+            envelope(t, v, count, slope, work, upper if kind == 0 else lower)
+        change, power, above, far = 0.0, 0.0, 0, 0
+        for i in range(n):
+            mean = 0.5 * (upper[i] + lower[i])
+            wide = 0.5 * (upper[i] - lower[i])
+            change += mean * mean
+            power += mode[i] * mode[i]
+            if abs(mean) > threshold * abs(wide):
+                above += 1
+            if abs(mean) > 10.0 * threshold * abs(wide):
+                far += 1
+        if stop == EVOLVED and done > 0 and above <= 0.05 * n and far == 0:
+            break
+        if stop == STANDARD_DEVIATION and done > 0 and change <= threshold * power:
+            break
+        for i in range(n):
+            mode[i] -= 0.5 * (upper[i] + lower[i])
+        done += 1
+    return done

@@ -1,0 +1,181 @@
+"""Low-pass filters that start as if they had always run.
+
+A causal filter that begins at zero spends its first time constants rising to gravity. Its state
+is set to that of a constant input instead, equal to the mean over the first part of the record,
+so that there is no start-up transient. The zero-phase form runs both ways and does not delay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.errors import InputError
+from schuler.prefilter.base import each_channel, even_interval
+from schuler.record import ImuRecord
+
+__all__ = ["LowPass", "LowPassStream"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """A Butterworth or FIR low-pass.
+
+    Parameters
+    ----------
+    cutoff : float
+        Hz; 0.05 in the document.
+    order : int
+        Of the Butterworth filter; for "fir" the number of taps is chosen for a transition band
+        as wide as the cut-off.
+    kind : {"butterworth", "fir"}
+    zero_phase : bool
+        Run forward and backward: no delay, twice the attenuation, not causal.
+    settle : float
+        Mean of so much of the record (s) that the filter starts from.
+    channels : {"accel", "gyro", "both"}
+    """
+
+    cutoff: float = 0.05
+    order: int = 2
+    kind: str = "butterworth"
+    zero_phase: bool = False
+    settle: float = 1.0
+    channels: str = "both"
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("butterworth", "fir"):
+            raise InputError(f"kind must be butterworth or fir, got '{self.kind}'")
+        if not (self.cutoff > 0 and self.order >= 1 and self.settle > 0):
+            raise InputError("cutoff, order and settle must be positive")
+
+    def sections(self, interval: float) -> Array:
+        """Return the filter as second-order sections (k, 6) for a sampling interval, s.
+
+        Raises
+        ------
+        InputError
+            If the cut-off is not below half the sampling rate.
+        """
+        from scipy import signal
+
+        rate = 1.0 / interval
+        if not self.cutoff < 0.5 * rate:
+            raise InputError(
+                f"the cut-off ({self.cutoff:g} Hz) must be below half the sampling rate "
+                f"({0.5 * rate:g} Hz)"
+            )
+        return np.asarray(signal.butter(self.order, self.cutoff, fs=rate, output="sos"))
+
+    def taps(self, interval: float) -> Array:
+        """Return the taps (k,) of the FIR filter for a sampling interval, s."""
+        from scipy import signal
+
+        count = 2 * round(1.65 / (self.cutoff * interval)) + 1
+        return np.asarray(signal.firwin(count, self.cutoff, fs=1.0 / interval))
+
+    def __call__(self, record: ImuRecord) -> ImuRecord:
+        """Return the filtered record.
+
+        Raises
+        ------
+        InputError
+            For a record that is short or unevenly sampled, or a cut-off beyond it.
+        """
+        from scipy import signal
+
+        interval = even_interval(record)
+        first = max(1, round(self.settle / interval))
+        if self.kind == "fir":
+            taps = self.taps(interval)
+
+            def run(x: Array) -> Array:
+                start = float(x[:first].mean())
+                if self.zero_phase:
+                    half = len(taps) // 2
+                    end = float(x[-first:].mean())
+                    padded = np.concatenate([np.full(half, start), x, np.full(half, end)])
+                    return np.asarray(signal.fftconvolve(padded, taps, "valid"))
+                padded = np.concatenate([np.full(len(taps) - 1, start), x])
+                return np.asarray(signal.fftconvolve(padded, taps, "valid"))
+
+        else:
+            sos = self.sections(interval)
+            state = signal.sosfilt_zi(sos)
+
+            def run(x: Array) -> Array:
+                y, _ = signal.sosfilt(sos, x, zi=state * float(x[:first].mean()))
+                if not self.zero_phase:
+                    return np.asarray(y)
+                back, _ = signal.sosfilt(sos, y[::-1], zi=state * float(y[-first:].mean()))
+                return np.asarray(back[::-1])
+
+        return each_channel(record, self.channels, run)
+
+    def stream(self) -> LowPassStream:
+        """Return a filter that takes chunks; its samples do not depend on the chunking."""
+        if self.zero_phase or self.kind != "butterworth":
+            raise InputError("only the causal Butterworth filter can run on a stream")
+        return LowPassStream(self)
+
+
+class LowPassStream:
+    """A causal low-pass fed chunk by chunk.
+
+    It starts from the mean of the first `settle` seconds, and gives nothing back before it has
+    them; `close` gives what is still held.
+    """
+
+    def __init__(self, design: LowPass) -> None:
+        self._design = design
+        self._held: list[ImuRecord] = []
+        self._sos: Array | None = None
+        self._state: Array | None = None
+
+    def push(self, chunk: ImuRecord) -> ImuRecord:
+        """Take a chunk and return the filtered samples that are ready (possibly none)."""
+        if self._state is not None:
+            return self._run(chunk)
+        if len(chunk):
+            self._held.append(chunk)
+        if not self._held:
+            return chunk
+        interval = float(self._held[0].dt[0])
+        wanted = max(1, round(self._design.settle / interval))
+        if sum(len(x) for x in self._held) < wanted:
+            return chunk.rows(0, 0)
+        return self._open(wanted, interval)
+
+    def close(self) -> ImuRecord:
+        """Return what is still held: a stream shorter than its settling time."""
+        if self._state is not None or not self._held:
+            raise InputError("there is nothing left in the filter")
+        held = sum(len(x) for x in self._held)
+        return self._open(held, float(self._held[0].dt[0]))
+
+    def _open(self, wanted: int, interval: float) -> ImuRecord:
+        from scipy import signal
+
+        record = ImuRecord.concatenate(self._held)
+        self._held = []
+        self._sos = self._design.sections(interval)
+        first = np.hstack([record.gyro[:wanted], record.accel[:wanted]]).mean(axis=0)
+        self._state = signal.sosfilt_zi(self._sos)[:, :, None] * first
+        return self._run(record)
+
+    def _run(self, chunk: ImuRecord) -> ImuRecord:
+        from scipy import signal
+
+        if not len(chunk):
+            return chunk
+        rates = np.hstack([chunk.gyro, chunk.accel])
+        out, self._state = signal.sosfilt(self._sos, rates, axis=0, zi=self._state)
+        n = chunk.dtheta.shape[1]
+        dt = chunk.dt[:, None]
+        gyro = out[:, :n] * dt if self._design.channels != "accel" else chunk.dtheta
+        accel = out[:, n:] * dt if self._design.channels != "gyro" else chunk.dvel
+        return replace(chunk, dtheta=gyro, dvel=accel)
