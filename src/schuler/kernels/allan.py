@@ -1,0 +1,102 @@
+"""Sums of squared differences of a phase at many lags at once, for Allan-type variances.
+
+The phase is the running sum of a record's increments (angle, velocity). Work goes in tiles of the
+newest point, all lags to a tile, so that the phase is read from the cache and not from memory.
+"""
+
+from __future__ import annotations
+
+from schuler.kernels._jit import kernel, summing_kernel
+
+TILE = 2048
+"""Points to a tile."""
+
+
+@summing_kernel
+def allan_sums(x, low, first, lags, sums):
+    """Add the squares of second differences x[e] - 2 x[e-m] + x[e-2m], for each lag m.
+
+    Parameters
+    ----------
+    x : (n,) float64
+        Phase.
+    low : int
+        First valid point: differences that reach before it are left out.
+    first : int
+        Only differences that end at this point or later are taken.
+    lags : (k,) int64
+        m, samples, from 1.
+    sums : (k,) float64
+        Added to; a tile's sum is taken several terms at a time, tiles one after the other.
+    """
+    n = x.shape[0]
+    for begin in range(first, n, TILE):
+        end = min(begin + TILE, n)
+        for k in range(lags.shape[0]):
+            m = lags[k]
+            e = max(begin, low + 2 * m)
+            if e >= end:
+                continue
+            a, b, c = x[e:end], x[e - m : end - m], x[e - 2 * m : end - 2 * m]
+            total = 0.0
+            for i in range(a.shape[0]):
+                d = (a[i] - b[i]) - (b[i] - c[i])
+                total += d * d
+            sums[k] += total
+
+
+@summing_kernel
+def hadamard_sums(x, low, first, lags, sums):
+    """Add the squares of third differences x[e] - 3 x[e-m] + 3 x[e-2m] - x[e-3m].
+
+    Parameters as in `allan_sums`.
+    """
+    n = x.shape[0]
+    for begin in range(first, n, TILE):
+        end = min(begin + TILE, n)
+        for k in range(lags.shape[0]):
+            m = lags[k]
+            e = max(begin, low + 3 * m)
+            if e >= end:
+                continue
+            a, b = x[e:end], x[e - m : end - m]
+            c, g = x[e - 2 * m : end - 2 * m], x[e - 3 * m : end - 3 * m]
+            total = 0.0
+            for i in range(a.shape[0]):
+                d = (a[i] - g[i]) - 3.0 * (b[i] - c[i])
+                total += d * d
+            sums[k] += total
+
+
+@kernel
+def total_edges(x, lags, sums):
+    """Add the second differences that reach over an end of the phase, reflected there.
+
+    Before the first point the phase goes on as 2 x[0] - x[-i], after the last in the same way
+    (Howe 2000, "The total deviation approach to long-term characterization of frequency
+    stability"). With `allan_sums` these are the sums of the total variance, one for each inner
+    point.
+
+    Parameters
+    ----------
+    x : (n,) float64
+        Phase, whole.
+    lags : (k,) int64
+        m, at most n - 2.
+    sums : (k,) float64
+        Added to.
+    """
+    last = x.shape[0] - 1
+    for k in range(lags.shape[0]):
+        m = lags[k]
+        total = 0.0
+        for side in range(2):
+            # Points less than m from the start, then those less than m from the end only.
+            begin = 1 if side == 0 else max(last - m + 1, m)
+            end = min(m, last) if side == 0 else last
+            for i in range(begin, end):
+                before = x[i - m] if i >= m else 2.0 * x[0] - x[m - i]
+                after = x[i + m] if i + m <= last else 2.0 * x[last] - x[2 * last - i - m]
+                d = before - 2.0 * x[i] + after
+                total += d * d
+        sums[k] += total

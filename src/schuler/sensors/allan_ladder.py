@@ -1,0 +1,259 @@
+"""Streaming sums of squared differences: even sampling at the door, then a ladder of strides."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.errors import InputError
+from schuler.record import ImuRecord
+
+__all__ = ["Even", "Ladder", "channel_names", "grid"]
+
+Array = NDArray[np.float64]
+Lags = NDArray[np.int64]
+
+CAP = 1024
+"""Longest lag of a rung, in its own steps."""
+
+_BLOCK = 2048
+"""Points that are worked through together; fixed, so that chunking cannot matter."""
+
+_WARM_UP = 256
+"""Samples that are looked at to find the nominal interval."""
+
+_JITTER = 0.1
+"""Part of the nominal interval that a sample's may be off."""
+
+_RUNG = np.unique(np.rint(2.0 ** (np.arange(0, 41) / 4.0)).astype(np.int64))
+"""Lags of the first rung, four an octave; the last four of them are those of every other."""
+
+
+def grid(longest: int) -> Lags:
+    """Return lags from 1 to `longest`, four an octave: those that a ladder works at."""
+    parts, step = [_RUNG], 1
+    while step * CAP < longest:
+        step *= 2
+        parts.append(step * _RUNG[-4:])
+    lags = np.concatenate(parts)
+    return np.asarray(lags[lags <= max(longest, 1)])
+
+
+def channel_names(gyros: int, accelerometers: int) -> tuple[str, ...]:
+    """Return ``gyro_x``, ... for triads, ``gyro_1``, ... for other numbers of sensors."""
+    return tuple(
+        f"{part}_{axis}"
+        for part, n in (("gyro", gyros), ("accel", accelerometers))
+        for axis in ("xyz" if n == 3 else [str(k + 1) for k in range(n)])
+    )
+
+
+class Even:
+    """Pass on the increments of evenly sampled records; share out those that bridge a gap.
+
+    The nominal interval is the median of the first 256 samples. A sample over k intervals (to a
+    tenth of one) becomes k equal parts, counted in `bridged`.
+    """
+
+    def __init__(self) -> None:
+        self.nominal = 0.0
+        self.samples = self.bridged = 0
+        self.gyros = self.accelerometers = 3
+        self._start = self._end = 0.0
+        self._held: list[ImuRecord] = []
+
+    def copy(self) -> Even:
+        """Return a copy that can go on by itself."""
+        other = copy.copy(self)
+        other._held = list(self._held)
+        return other
+
+    @property
+    def interval(self) -> float:
+        """Mean interval, s, without the clock's rounding errors."""
+        return float(f"{(self._end - self._start) / max(self.samples, 1):.12g}")
+
+    def push(self, record: ImuRecord) -> Array:
+        """Return increments (n, c), gyros first; none until the interval is known.
+
+        Raises
+        ------
+        InputError
+            For a value that is not finite, or an interval that does not fit.
+        """
+        if not len(record):
+            return np.zeros((0, 6))
+        if self.nominal:
+            return self._convert(record)
+        self._held.append(record)
+        return np.zeros((0, 6)) if sum(map(len, self._held)) < _WARM_UP else self.flush()
+
+    def flush(self) -> Array:
+        """Return what was held back."""
+        if not self._held:
+            return np.zeros((0, 6))
+        held = ImuRecord.concatenate(self._held)
+        self._held = []
+        self.nominal = float(np.median(held.dt[:_WARM_UP]))
+        self.gyros, self.accelerometers = held.dtheta.shape[1], held.dvel.shape[1]
+        self._start = held.start
+        return self._convert(held)
+
+    def _convert(self, record: ImuRecord) -> Array:
+        out = np.hstack([record.dtheta, record.dvel])
+        good = np.isfinite(out).all(axis=1)
+        if not good.all():
+            row = int(np.flatnonzero(~good)[0])
+            raise InputError(
+                f"{record.name}: the sample at {record.time[row]:.9g} s has a value that is not a "
+                "finite number; drop such samples, or cut the record with --start and --stop"
+            )
+        parts = record.dt / self.nominal
+        with np.errstate(invalid="ignore"):
+            times = np.rint(parts)
+            odd = ~((np.abs(parts - times) <= _JITTER) & (times >= 1.0))
+        if odd.any():
+            row = int(np.flatnonzero(odd)[0])
+            raise InputError(
+                f"{record.name}: the sample at {record.time[row]:.9g} s spans "
+                f"{record.dt[row]:.6g} s, where the record's interval is {self.nominal:.6g} s; "
+                "Allan deviation needs even sampling: resample the record, or cut it with --start "
+                "and --stop"
+            )
+        self._end = record.end
+        whole = int(times.sum())
+        self.samples += whole
+        if whole > len(record):
+            k = times.astype(np.int64)
+            self.bridged += int(k[k > 1].sum())
+            out = np.repeat(out / times[:, None], k, axis=0)
+        return np.asarray(out)
+
+
+class _Rung:
+    """Points at one stride: those that lags still reach back to, and a block under way."""
+
+    def __init__(self, channels: int, reach: int, lags: Lags) -> None:
+        self.lags = lags
+        self.points = np.zeros((channels, reach + _BLOCK))
+        self.reach, self.fill, self.done = reach, 0, 0
+        self.sums = np.zeros((channels, len(lags)))
+
+
+class Ladder:
+    """Sums at many lags in constant memory: rung r holds every 2^r-th point of the phase.
+
+    Parameters
+    ----------
+    channels : int
+    order : {2, 3}
+        Second differences (Allan) or third (Hadamard).
+    lags : (k,) int64, optional
+        Wanted lags in samples; a grid of four an octave without end when not given.
+    """
+
+    def __init__(self, channels: int, order: int, lags: Lags | None) -> None:
+        self._channels, self._order = channels, order
+        self._wanted: dict[int, list[int]] | None = None
+        if lags is not None:
+            self._wanted = {}
+            for m in lags.tolist():
+                r = max(0, (m - 1) // CAP).bit_length()
+                self._wanted.setdefault(r, []).append(round(m / 2**r))
+        self._rungs: list[_Rung] = []
+        self._offset = np.zeros(0)
+        self._phase = np.zeros(channels)
+
+    def copy(self) -> Ladder:
+        """Return a copy that can go on by itself."""
+        return copy.deepcopy(self)
+
+    def _lags_of(self, r: int) -> Lags:
+        if self._wanted is None:
+            return _RUNG if r == 0 else _RUNG[-4:]
+        return np.unique(np.array(self._wanted.get(r, []), np.int64))
+
+    def push(self, increments: Array) -> None:
+        """Take increments (n, c)."""
+        if not len(increments):
+            return
+        if not len(self._offset):
+            # Differences are blind to a constant rate; without it the sum stays small and exact.
+            self._offset = increments[0].copy()
+            self._feed(0, np.zeros((self._channels, 1)))
+        steps = increments - self._offset
+        steps[0] += self._phase
+        phase = np.cumsum(steps, axis=0)
+        self._phase = phase[-1].copy()
+        self._feed(0, phase.T)
+
+    def _feed(self, r: int, points: Array) -> None:
+        if r == len(self._rungs):
+            if self._wanted is not None and r > max(self._wanted):
+                return
+            self._rungs.append(_Rung(self._channels, self._order * CAP, self._lags_of(r)))
+        rung = self._rungs[r]
+        taken = 0
+        while taken < points.shape[1]:
+            n = min(_BLOCK - rung.fill, points.shape[1] - taken)
+            at = rung.reach + rung.fill
+            rung.points[:, at : at + n] = points[:, taken : taken + n]
+            rung.fill += n
+            taken += n
+            if rung.fill == _BLOCK:
+                self._work(r)
+
+    def _work(self, r: int) -> None:
+        """Sum over the block under way, pass every second point up, and make room."""
+        from schuler.kernels import allan as kernels
+
+        add: Any = kernels.hadamard_sums if self._order == 3 else kernels.allan_sums
+        rung = self._rungs[r]
+        end = rung.reach + rung.fill
+        if len(rung.lags):
+            for x, sums in zip(rung.points, rung.sums, strict=True):
+                add(x[:end], max(0, rung.reach - rung.done), rung.reach, rung.lags, sums)
+        up = rung.points[:, rung.reach : end : 2].copy()
+        rung.points[:, : rung.reach] = rung.points[:, rung.fill : end].copy()
+        rung.done += rung.fill
+        rung.fill = 0
+        self._feed(r + 1, up)
+
+    def finish(self) -> tuple[Lags, Lags, Lags, Array]:
+        """End the stream; return lags and strides in samples, numbers of differences, sums (k, c).
+
+        A lag too long for the record has a number below 1.
+        """
+        lags: list[Lags] = []
+        strides: list[Lags] = []
+        counts: list[Lags] = []
+        sums: list[Array] = []
+        r = 0
+        while r < len(self._rungs):
+            rung = self._rungs[r]
+            if rung.fill:
+                self._work(r)
+            step = 2**r
+            lags.append(step * rung.lags)
+            strides.append(np.full(len(rung.lags), step))
+            counts.append(rung.done - self._order * rung.lags)
+            sums.append(rung.sums.T)
+            # A rung of less than a block has nothing that the one below it lacks.
+            if self._wanted is None and rung.done < 3 * CAP:
+                break
+            r += 1
+        for q in sorted(q for q in self._wanted or () if q >= len(self._rungs)):
+            missing = self._lags_of(q)
+            lags.append(2**q * missing)
+            strides.append(np.full(len(missing), 2**q))
+            counts.append(np.zeros(len(missing), np.int64))
+            sums.append(np.zeros((len(missing), self._channels)))
+        return (
+            np.concatenate(lags),
+            np.concatenate(strides),
+            np.concatenate(counts),
+            np.vstack(sums),
+        )
