@@ -6,7 +6,7 @@ import copy
 import datetime as dt
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.sensors import GRADES, ImuSpec
 
-__all__ = ["load_scenario", "parse_scenario"]
+__all__ = ["load_scenario", "parse_scenario", "with_overrides"]
 
 #: a problem: where in the tables, and what
 Problem = tuple[Keys, str]
@@ -67,7 +67,7 @@ def load_scenario(path: str | Path, overrides: Mapping[str, Any] | None = None) 
                 return f"{path}, as set from outside"
         return f"{path}, line {line_of(lines, keys)}"
 
-    return _checked(data, path.stem, place, lines)
+    return _checked(data, path.stem, place, lines, path.parent)
 
 
 def parse_scenario(data: Mapping[str, Any], name: str = "scenario") -> Scenario:
@@ -86,6 +86,26 @@ def parse_scenario(data: Mapping[str, Any], name: str = "scenario") -> Scenario:
         With the key and what was expected there.
     """
     return _checked(copy.deepcopy(dict(data)), name, lambda keys: name, {})
+
+
+def with_overrides(scenario: Scenario, overrides: Mapping[str, Any]) -> Scenario:
+    """Return a scenario with other values, by dotted key.
+
+    Raises
+    ------
+    InputError
+        With the key and what was expected there.
+    """
+    data = copy.deepcopy(dict(scenario.data))
+    try:
+        apply(data, copy.deepcopy(dict(overrides)))
+        _inline_instruments(data, scenario.folder)
+    except InputError as error:
+        raise InputError(f"{scenario.name}: {error}") from None
+    said = ", ".join(f"{key} = {value}" for key, value in overrides.items())
+    return _checked(
+        data, scenario.name, lambda keys: f"{scenario.name} with {said}", {}, scenario.folder
+    )
 
 
 def _syntax(path: Path, text: str, message: str) -> str:
@@ -109,7 +129,13 @@ def _inline_instruments(data: dict[str, Any], folder: Path) -> None:
             table[key] = {"name": file.stem, **found}
 
 
-def _checked(data: dict[str, Any], name: str, place: Any, lines: Mapping[Keys, int]) -> Scenario:
+def _checked(
+    data: dict[str, Any],
+    name: str,
+    place: Callable[[Keys], str],
+    lines: dict[Keys, int],
+    folder: Path = Path(),
+) -> Scenario:
     from pydantic import ValidationError
 
     from schuler.config.schema import ScenarioFile
@@ -128,7 +154,7 @@ def _checked(data: dict[str, Any], name: str, place: Any, lines: Mapping[Keys, i
         problems += [_problem(item, data) for item in error.errors()]
     if problems or file is None:
         # In the order of the file: what is missing counts at its table.
-        problems.sort(key=lambda p: line_of(dict(lines), p[0]))
+        problems.sort(key=lambda p: line_of(lines, p[0]))
         keys, text = problems[0]
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
         label = ".".join(map(str, keys))
@@ -153,6 +179,7 @@ def _checked(data: dict[str, Any], name: str, place: Any, lines: Mapping[Keys, i
         align_spec=assumed,
         data=plain,
         table=file.motion,
+        folder=folder,
     )
 
 

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,6 +51,10 @@ class Scenario:
     data : mapping
         The checked file as plain values, with overrides and the instrument's file worked in:
         `parse_scenario(data)` gives the same scenario anywhere.
+    table : MotionTable
+        The checked motion.
+    folder : Path
+        Beside which the files of instruments are looked for.
     """
 
     name: str
@@ -66,6 +71,7 @@ class Scenario:
     align_spec: ImuSpec | None
     data: Mapping[str, Any] = field(repr=False)
     table: MotionTable = field(repr=False)
+    folder: Path = field(default=Path(), repr=False)
 
     @property
     def samples(self) -> int:
