@@ -160,3 +160,32 @@ def test_convergence_ends_at_the_result(truck):
 @pytest.mark.parametrize("name", ["centred", "Wahba", " analytic "])
 def test_method_names(name):
     assert str(parse_method(name)) == name.strip().lower()
+
+
+def test_a_prefilter_runs_on_the_whole_record(truck):
+    from schuler.prefilter import LowPass
+
+    prefilter = LowPass(cutoff=0.2, zero_phase=True)
+    method = Inertial(prefilter=prefilter)
+    by_hand = align(prefilter(truck.record), SITE)
+    fix = align(truck.record, SITE, method)
+    assert fix.method == method
+    assert np.array_equal(fix.quaternion, by_hand.quaternion)
+    pieces_of_it = Aligner(SITE, method)
+    for chunk in truck.record.chunks(777):
+        pieces_of_it.update(chunk)
+    assert pieces_of_it.samples == len(truck.record)
+    assert np.array_equal(pieces_of_it.solution().quaternion, fix.quaternion)
+
+
+@pytest.mark.parametrize(
+    "name", ["emd", "gate", "gate-printed", "hankel", "lowpass", "lowpass-zero-phase", "wavelet"]
+)
+def test_prefilter_names(name):
+    from schuler.align import PREFILTERS, parse_prefilter
+
+    assert name in PREFILTERS
+    assert callable(parse_prefilter(name, 9.8))
+    assert parse_prefilter("none", 9.8) is None
+    with pytest.raises(InputError, match="unknown prefilter"):
+        parse_prefilter(name + "x", 9.8)

@@ -101,6 +101,9 @@ def test_prediction_improves_the_end():
 def test_split_is_after_the_least_energetic_mode():
     modes = np.array([np.full(4, v) for v in (3.0, 1.0, 0.5, 2.0, 7.0)])
     assert split_index(modes) == 3
+    two = np.array([np.full(4, v) for v in (3.0, 1.0, 2.0, 0.5, 7.0)])
+    assert split_index(two) == 2
+    assert split_index(two, first=False) == 4
     assert split_index(modes[-1:]) == 0
 
 

@@ -30,6 +30,8 @@ def record_of(force, rate=None):
     )
 
 
+BOTH = LowPass(channels="both", frame="body")
+
 FILTERS = [
     LowPass(), LowPass(zero_phase=True), LowPass(kind="fir", cutoff=0.5),
     LowPass(kind="fir", cutoff=0.5, zero_phase=True), Hankel(), Wavelet(),
@@ -77,10 +79,10 @@ def test_butterworth_has_its_attenuation(frequency):
 def test_a_stream_gives_the_same_whatever_the_chunks(cuts):
     rng = np.random.default_rng(5)
     record = record_of(9.8 + rng.standard_normal(N), rng.standard_normal(N))
-    stream = LowPass().stream()
+    stream = BOTH.stream()
     parts = [stream.push(record.rows(s.start, s.stop)) for s in pieces(N, cuts)]
     joined = ImuRecord.concatenate([p for p in parts if len(p)])
-    whole = LowPass()(record)
+    whole = BOTH(record)
     np.testing.assert_allclose(joined.dvel, whole.dvel, rtol=1e-12, atol=1e-14)
     np.testing.assert_allclose(joined.dtheta, whole.dtheta, rtol=1e-12, atol=1e-14)
 
@@ -130,6 +132,7 @@ def test_hankel_is_feasible_for_sixty_thousand_samples():
         (lambda r: LowPass(cutoff=-1.0), "must be positive"),
         (lambda r: LowPass(channels="some")(r), "channels must be"),
         (lambda r: LowPass(zero_phase=True).stream(), "only the causal"),
+        (lambda r: LowPass(frame="moon")(r), "frame must be"),
         (lambda r: LowPass()(r.rows(0, 3)), "16 samples"),
         (lambda r: Gate(-9.8), "positive gravity"),
         (lambda r: Hankel(rank=0)(r), "rank"),
@@ -144,3 +147,16 @@ def test_hankel_is_feasible_for_sixty_thousand_samples():
 def test_errors(call, words):
     with pytest.raises(InputError, match=words):
         call(record_of(np.full(N, 9.8)))
+
+
+def test_in_the_inertial_frame_sway_is_no_disturbance():
+    """A rocking body under gravity: filtered in the held frame its force stays gravity."""
+    from schuler.earth import Site
+    from schuler.motion import Lines, Sway
+    from schuler.simulate import simulate
+
+    rocking = Sway(lines=(Lines("pitch", 0.5, 2.0, 0.0), Lines("roll", 0.3, 3.0, 1.0)))
+    made = simulate(rocking, Site(40.0), 60.0).record
+    held, body = (LowPass(frame=f, zero_phase=True)(made) for f in ("inertial", "body"))
+    assert np.abs(held.accel - made.accel).max() < 4e-3
+    assert np.abs(body.accel - made.accel).max() > 0.2

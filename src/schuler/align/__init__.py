@@ -13,12 +13,22 @@ from schuler.align.budget import (
 from schuler.align.convergence import Convergence, convergence
 from schuler.align.disturbance import Residual, residual
 from schuler.align.limit import Limit, Position, limit, load_positions, position_limit
-from schuler.align.methods import METHODS, Analytic, Inertial, Method, parse_method
+from schuler.align.methods import (
+    METHODS,
+    PREFILTERS,
+    Analytic,
+    Inertial,
+    Method,
+    parse_method,
+    parse_prefilter,
+    with_prefilter,
+)
 from schuler.align.result import Alignment
 from schuler.align.windows import Windows, align_windows
 
 __all__ = [
     "METHODS",
+    "PREFILTERS",
     "Aligner",
     "Alignment",
     "Analytic",
@@ -39,8 +49,10 @@ __all__ = [
     "limit",
     "load_positions",
     "parse_method",
+    "parse_prefilter",
     "position_limit",
     "residual",
+    "with_prefilter",
 ]
 
 callable_room(__name__)

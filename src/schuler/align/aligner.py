@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from schuler.align.disturbance import (
 from schuler.align.history import History, inertial_to_local
 from schuler.align.inertial import MINIMUM_ROWS, solve
 from schuler.align.limit import limit
-from schuler.align.methods import Analytic, Inertial, Method, parse_method
+from schuler.align.methods import Analytic, Inertial, Method, parse_method, with_prefilter
 from schuler.align.result import Alignment
 from schuler.align.uncertainty import analytic_responses, inertial_responses, instrument_budget
 from schuler.attitude import matrix_to_quat, quat_to_matrix
@@ -106,7 +106,8 @@ def estimate(
 class Aligner:
     """Align a stream: `update` with chunks, `solution` whenever it is wanted.
 
-    Memory is constant for any length, and any chunking gives the same bits.
+    Memory is constant for any length, unless a prefilter needs the whole record, and any chunking
+    gives the same bits.
 
     Parameters
     ----------
@@ -155,13 +156,14 @@ class Aligner:
         self._flags = (1.0, 1.0)
         self._tail = (np.empty(0), np.empty(0))
         self._summariser = Summariser()
+        self._held: list[ImuRecord] = []
         self._name = "record"
         self._quality: list[str] = []
 
     @property
     def samples(self) -> int:
         """Samples taken so far."""
-        return int(self._state[41])
+        return int(self._state[41]) + sum(len(chunk) for chunk in self._held)
 
     def update(self, chunk: ImuRecord) -> Aligner:
         """Take a chunk that follows the last one; return self.
@@ -178,6 +180,9 @@ class Aligner:
                 "an alignment needs three gyros and three accelerometers, got "
                 f"{chunk.dtheta.shape[1]} and {chunk.dvel.shape[1]}"
             )
+        if self.method.prefilter is not None:
+            self._held.append(chunk)
+            return self
         if not self._subsamples:
             self._open(chunk)
         elif chunk.time[0] <= self._tail[0][-1]:
@@ -233,6 +238,14 @@ class Aligner:
         )  # fmt: skip
         return History.from_state(state, nodes)
 
+    def _prefiltered(self) -> Alignment:
+        """Filter what is held, and align the result as a record of its own."""
+        assert self.method.prefilter is not None
+        record = ImuRecord.concatenate(self._held, quality=self._held[-1].quality)
+        plain = Aligner(self.site, with_prefilter(self.method, None), self.spec, at=self.at)
+        fix = plain.update(self.method.prefilter(record)).solution()
+        return replace(fix, method=self.method)
+
     def solution(self) -> Alignment:
         """Return the alignment of all that has been taken.
 
@@ -244,6 +257,8 @@ class Aligner:
         """
         if not self.samples:
             raise InputError("the record has no samples to align")
+        if self.method.prefilter is not None:
+            return self._prefiltered()
         h = self.history()
         summary = self._summariser.summary()
         gyro_bias = self.spec.gyro.bias if self.spec else 0.0

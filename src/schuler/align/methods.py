@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from schuler.errors import InputError
 
-__all__ = ["METHODS", "Analytic", "Inertial", "Method", "parse_method"]
+if TYPE_CHECKING:
+    from schuler.prefilter import Prefilter
+
+__all__ = [
+    "METHODS",
+    "PREFILTERS",
+    "Analytic",
+    "Inertial",
+    "Method",
+    "parse_method",
+    "parse_prefilter",
+    "with_prefilter",
+]
 
 ESTIMATORS = ("centred", "wahba", "integral-triad", "instants-triad")
 BASES = ("gravity", "earth-rate")
@@ -29,10 +42,13 @@ class Inertial:
     subsamples : int, optional
         Samples to one coning and sculling update, 1 to 4 (1 uses the sample before as well);
         by default chosen from the sampling rate.
+    prefilter : Prefilter, optional
+        Applied to the whole record first, which is then held in memory.
     """
 
     estimator: str = "centred"
     subsamples: int | None = None
+    prefilter: Prefilter | None = None
 
     def __post_init__(self) -> None:
         if self.estimator not in ESTIMATORS:
@@ -56,9 +72,12 @@ class Analytic:
     ----------
     base : {"gravity", "earth-rate"}
         The vector that is fitted exactly (where the Gram-Schmidt process starts).
+    prefilter : Prefilter, optional
+        As in `Inertial`.
     """
 
     base: str = "gravity"
+    prefilter: Prefilter | None = None
 
     def __post_init__(self) -> None:
         if self.base not in BASES:
@@ -94,3 +113,47 @@ def parse_method(method: str | Method | None) -> Method:
     if found is None:
         raise InputError(f"unknown method '{method}'; the methods are {', '.join(METHODS)}")
     return found
+
+
+#: the names of the command line
+PREFILTERS = (
+    "emd", "gate", "gate-printed", "hankel", "lowpass", "lowpass-zero-phase", "wavelet",
+)  # fmt: skip
+
+
+def parse_prefilter(name: str | None, gravity: float) -> Prefilter | None:
+    """Return the prefilter of a name (`PREFILTERS`) with its defaults; None is none.
+
+    Parameters
+    ----------
+    name : str or None
+    gravity : float
+        m/s^2, for the gate.
+
+    Raises
+    ------
+    InputError
+        For an unknown name.
+    """
+    if name is None or name.strip().lower() == "none":
+        return None
+    from schuler.prefilter import Emd, Gate, Hankel, LowPass, Wavelet
+
+    known: dict[str, Prefilter] = {
+        "emd": Emd(),
+        "gate": Gate(gravity),
+        "gate-printed": Gate(gravity, two_sided=False),
+        "hankel": Hankel(),
+        "lowpass": LowPass(),
+        "lowpass-zero-phase": LowPass(zero_phase=True),
+        "wavelet": Wavelet(),
+    }
+    found = known.get(name.strip().lower())
+    if found is None:
+        raise InputError(f"unknown prefilter '{name}'; the prefilters are {', '.join(PREFILTERS)}")
+    return found
+
+
+def with_prefilter(method: Method, prefilter: Prefilter | None) -> Method:
+    """Return the method with another prefilter."""
+    return replace(method, prefilter=prefilter)

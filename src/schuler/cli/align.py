@@ -41,6 +41,11 @@ __all__ = ["command"]
     help="centred, wahba, integral-triad, instants-triad, analytic or analytic-earth-rate.",
 )
 @click.option(
+    "--prefilter",
+    metavar="NAME",
+    help="emd, lowpass, lowpass-zero-phase, gate, gate-printed, hankel or wavelet; none by default.",
+)
+@click.option(
     "--spec",
     metavar="GRADE|TOML",
     help="The instrument: navigation-rlg, navigation-fog, tactical-fog, industrial-mems or a file.",
@@ -65,9 +70,15 @@ def command(**options: Any) -> None:
       schuler align truck.csv --gyro deg/s --accel g --axes FRD --lat 48.1 --report truck.html
       schuler align truck.imu --spec navigation-rlg --windows 100s --at start --json -
     """  # noqa: D301
-    from schuler.align import Aligner, align_windows
+    from schuler.align import (
+        Aligner,
+        align_windows,
+        parse_method,
+        parse_prefilter,
+        with_prefilter,
+    )
 
-    method, spec, at = (options.pop(key) for key in ("method", "spec", "at"))
+    name, prefilter, spec, at = (options.pop(k) for k in ("method", "prefilter", "spec", "at"))
     window, follow, idle = (options.pop(key) for key in ("windows", "follow", "idle"))
     json_to, report_to = options.pop("json_to"), options.pop("report_to")
     start, stop = options.pop("start"), options.pop("stop")
@@ -80,6 +91,7 @@ def command(**options: Any) -> None:
     if site is None:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
     _check_outputs(json_to, report_to)
+    method = with_prefilter(parse_method(name), parse_prefilter(prefilter, site.gravity))
     if report_to is not None:
         from schuler.report.page import graph_objects
 

@@ -202,3 +202,27 @@ def track(state, nodes, n_sub, coning, sculling, time, dt, dtheta, dvel):
                 n = n // 2 + 1
                 s[74] *= 2.0
             s[73] = n
+
+
+@kernel
+def attitudes(coning, dtheta, out):
+    """Fill out (n, 4) with q_b^b0 at the middle of each sample, b0 the body at the start.
+
+    Parameters
+    ----------
+    coning : float
+        1 to correct for coning with the sample before, 0 where the instrument has done it.
+    dtheta, out : (n, 3), (n, 4) float64
+        Angle increments, rad, and quaternions.
+    """
+    q = (1.0, 0.0, 0.0, 0.0)
+    before = (0.0, 0.0, 0.0)
+    for i in range(dtheta.shape[0]):
+        a = (dtheta[i, 0], dtheta[i, 1], dtheta[i, 2])
+        half = qmul(q, qexp((0.5 * a[0], 0.5 * a[1], 0.5 * a[2])))
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = half
+        con = cross(before, a)
+        q = qmul(q, qexp(axpy(coning / 12.0, con, a)))
+        m = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+        q = (m * q[0], m * q[1], m * q[2], m * q[3])
+        before = a

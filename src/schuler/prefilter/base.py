@@ -10,14 +10,16 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.attitude import rotate
 from schuler.errors import InputError
 from schuler.record import ImuRecord
 
-__all__ = ["CHANNELS", "Prefilter", "each_channel", "even_interval"]
+__all__ = ["CHANNELS", "FRAMES", "Prefilter", "each_channel", "even_interval"]
 
 Array = NDArray[np.float64]
 
 CHANNELS = ("accel", "gyro", "both")
+FRAMES = ("inertial", "body")
 
 
 class Prefilter(Protocol):
@@ -49,7 +51,9 @@ def even_interval(record: ImuRecord) -> float:
     return interval
 
 
-def each_channel(record: ImuRecord, channels: str, function: Callable[[Array], Array]) -> ImuRecord:
+def each_channel(
+    record: ImuRecord, channels: str, frame: str, function: Callable[[Array], Array]
+) -> ImuRecord:
     """Apply a function to the rate of each channel and return the record of the results.
 
     Channels go to threads side by side: the kernels release the interpreter's lock.
@@ -58,28 +62,56 @@ def each_channel(record: ImuRecord, channels: str, function: Callable[[Array], A
     ----------
     record : ImuRecord
     channels : {"accel", "gyro", "both"}
+    frame : {"inertial", "body"}
+        Where the force is filtered. In the inertial frame that the gyros hold, gravity turns with
+        the Earth only, and a body's sway does not look like a disturbance.
     function : callable
         (n,) rates to (n,) rates, rad/s or m/s^2.
 
     Raises
     ------
     InputError
-        For another choice of channels.
+        For another choice of channels or frame.
     """
     if channels not in CHANNELS:
         raise InputError(f"channels must be accel, gyro or both, got '{channels}'")
-    jobs: list[tuple[str, int]] = []
-    if channels in ("gyro", "both"):
-        jobs += [("dtheta", k) for k in range(record.dtheta.shape[1])]
-    if channels in ("accel", "both"):
-        jobs += [("dvel", k) for k in range(record.dvel.shape[1])]
-    out = {"dtheta": record.dtheta.copy(), "dvel": record.dvel.copy()}
+    if frame not in FRAMES:
+        raise InputError(f"frame must be inertial or body, got '{frame}'")
+    dt = record.dt[:, None]
+    rates = {}
+    if channels != "accel":
+        rates["dtheta"] = record.gyro
+    turn: Array | None = None
+    if channels != "gyro":
+        rates["dvel"] = record.accel
+        if frame == "inertial":
+            turn = held_frame(record)
+            rates["dvel"] = rotate(turn, record.accel)
+    jobs = [(name, k) for name, x in rates.items() for k in range(x.shape[1])]
 
-    def run(job: tuple[str, int]) -> None:
+    def run(job: tuple[str, int]) -> Array:
         name, k = job
-        rate = np.ascontiguousarray(getattr(record, name)[:, k] / record.dt)
-        out[name][:, k] = function(rate) * record.dt
+        return function(np.ascontiguousarray(rates[name][:, k]))
 
     with ThreadPoolExecutor() as pool:
-        list(pool.map(run, jobs))
-    return replace(record, dtheta=out["dtheta"], dvel=out["dvel"])
+        found = dict(zip(jobs, pool.map(run, jobs), strict=True))
+    out = {
+        name: np.column_stack([found[name, k] for k in range(x.shape[1])])
+        for name, x in rates.items()
+    }
+    if turn is not None:
+        out["dvel"] = rotate(turn * [1.0, -1.0, -1.0, -1.0], out["dvel"])
+    return replace(
+        record,
+        dtheta=out["dtheta"] * dt if "dtheta" in out else record.dtheta,
+        dvel=out["dvel"] * dt if "dvel" in out else record.dvel,
+    )
+
+
+def held_frame(record: ImuRecord) -> Array:
+    """Return q_b^ib0 (n, 4) at the middle of each sample: the frame that the gyros hold."""
+    from schuler.kernels.tracking import attitudes
+
+    out = np.empty((len(record), 4))
+    attitudes(float(not record.coning_corrected), record.dtheta, out)
+    return out

@@ -99,19 +99,27 @@ def decompose(
     return np.array([*out, rest])
 
 
-def split_index(modes: Array) -> int:
+def split_index(modes: Array, *, first: bool = True) -> int:
     """Return how many of the first modes are noise, by the consecutive mean-square error.
 
-    The error between rebuilding with and without mode k is the energy of mode k. The split is at
-    its first least value: what comes before and with it is noise (Boudraa and Cexus, 2007).
+    The error between rebuilding with and without mode k is the energy of mode k. What comes
+    before and with its minimum is noise (Boudraa and Cexus, 2007).
 
     Parameters
     ----------
     modes : (k + 1, n) float64
         As from `decompose`.
+    first : bool
+        Split at the first local minimum. The least value of all, as printed, may be a weak slow
+        mode far behind the noise, and then takes the signal away with it.
     """
     energy = np.mean(modes[:-1] ** 2, axis=1)
-    return int(np.argmin(energy)) + 1 if len(energy) else 0
+    if not len(energy):
+        return 0
+    if first:
+        rises = np.flatnonzero(np.diff(energy) > 0)
+        return int(rises[0]) + 1 if len(rises) else len(energy)
+    return int(np.argmin(energy)) + 1
 
 
 def ceemdan(
@@ -191,6 +199,10 @@ class Emd:
     ends, stop, threshold, siftings
         As in `decompose`.
     channels : {"accel", "gyro", "both"}
+    frame : {"inertial", "body"}
+        Where the force is filtered (`each_channel`).
+    first : bool
+        As in `split_index`.
     clean : int
         Singular components of the Hankel matrix that are kept first (`Hankel`); 0 is none.
     """
@@ -199,7 +211,9 @@ class Emd:
     stop: str = "standard-deviation"
     threshold: float = 0.001
     siftings: int = 200
-    channels: str = "both"
+    channels: str = "accel"
+    frame: str = "inertial"
+    first: bool = True
     clean: int = 0
 
     def __call__(self, record: ImuRecord) -> ImuRecord:
@@ -220,6 +234,6 @@ class Emd:
                 y, ends=self.ends, stop=self.stop, threshold=self.threshold,
                 siftings=self.siftings,
             )  # fmt: skip
-            return np.asarray(found[split_index(found) :].sum(axis=0))
+            return np.asarray(found[split_index(found, first=self.first) :].sum(axis=0))
 
-        return each_channel(record, self.channels, run)
+        return each_channel(record, self.channels, self.frame, run)

@@ -82,11 +82,14 @@ class Hankel:
     window : float
         Length of a window, s.
     channels : {"accel", "gyro", "both"}
+    frame : {"inertial", "body"}
+        Where the force is filtered (`each_channel`).
     """
 
     rank: int = 4
     window: float = 4.0
-    channels: str = "both"
+    channels: str = "accel"
+    frame: str = "inertial"
 
     def __call__(self, record: ImuRecord) -> ImuRecord:
         """Return the filtered record.
@@ -97,4 +100,6 @@ class Hankel:
             For a record that is short or unevenly sampled.
         """
         rows = max(self.rank, round(self.window / even_interval(record)))
-        return each_channel(record, self.channels, lambda x: truncate(x, self.rank, rows))
+        return each_channel(
+            record, self.channels, self.frame, lambda x: truncate(x, self.rank, rows)
+        )

@@ -38,6 +38,8 @@ class LowPass:
     settle : float
         Mean of so much of the record (s) that the filter starts from.
     channels : {"accel", "gyro", "both"}
+    frame : {"inertial", "body"}
+        Where the force is filtered (`each_channel`).
     """
 
     cutoff: float = 0.05
@@ -45,7 +47,8 @@ class LowPass:
     kind: str = "butterworth"
     zero_phase: bool = False
     settle: float = 1.0
-    channels: str = "both"
+    channels: str = "accel"
+    frame: str = "inertial"
 
     def __post_init__(self) -> None:
         if self.kind not in ("butterworth", "fir"):
@@ -114,12 +117,14 @@ class LowPass:
                 back, _ = signal.sosfilt(sos, y[::-1], zi=state * float(y[-first:].mean()))
                 return np.asarray(back[::-1])
 
-        return each_channel(record, self.channels, run)
+        return each_channel(record, self.channels, self.frame, run)
 
     def stream(self) -> LowPassStream:
         """Return a filter that takes chunks; its samples do not depend on the chunking."""
-        if self.zero_phase or self.kind != "butterworth":
-            raise InputError("only the causal Butterworth filter can run on a stream")
+        if self.zero_phase or self.kind != "butterworth" or self.frame != "body":
+            raise InputError(
+                "only the causal Butterworth filter in the body's frame can run on a stream"
+            )
         return LowPassStream(self)
 
 

@@ -27,11 +27,14 @@ class Wavelet:
     levels : int, optional
         As many as the record allows, up to eight, when not given.
     channels : {"accel", "gyro", "both"}
+    frame : {"inertial", "body"}
+        Where the force is filtered (`each_channel`).
     """
 
     wavelet: str = "db4"
     levels: int | None = None
-    channels: str = "both"
+    channels: str = "accel"
+    frame: str = "inertial"
 
     def __call__(self, record: ImuRecord) -> ImuRecord:
         """Return the filtered record.
@@ -66,4 +69,4 @@ class Wavelet:
             shrunk = [parts[0], *(pywt.threshold(p, bound, "soft") for p in parts[1:])]
             return np.asarray(pywt.waverec(shrunk, self.wavelet, mode="symmetric")[: len(x)])
 
-        return each_channel(record, self.channels, run)
+        return each_channel(record, self.channels, self.frame, run)
