@@ -19,6 +19,7 @@ _COMMANDS = {
     "limit": ("schuler.cli.limit", "Say how good an alignment can be at all: no record needed."),
     "simulate": ("schuler.cli.simulate", "Make a record, and its truth, from a scenario file."),
     "campaign": ("schuler.cli.campaign", "Simulate and align many times: is sigma what it says?"),
+    "allan": ("schuler.cli.allan", "Tell an instrument's noise from a static record."),
     "demo": ("schuler.cli.demo", "Align a simulated truck and compare with the truth."),
 }
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Seconds",
+    "check_outputs",
     "emit_json",
     "file_options",
     "open_file",
@@ -214,6 +215,18 @@ def progress(source: Source, chunks: Iterable[ImuRecord]) -> Iterator[Iterator[I
                 bar.update(task, completed=source.progress)
 
         yield watched()
+
+
+def check_outputs(*targets: str | None) -> None:
+    """Refuse an output that cannot be written before the work, not after it."""
+    for target in targets:
+        if target in (None, "-"):
+            continue
+        path = Path(str(target))
+        if path.is_dir():
+            raise InputError(f"{path}: is a folder; name a file in it")
+        if not path.parent.is_dir():
+            raise InputError(f"{path}: there is no folder '{path.parent}' to write it to")
 
 
 def emit_json(data: dict[str, Any], target: str) -> None:

@@ -32,6 +32,9 @@ _DEMANDED = 9.0
 _UNLIKELY = 1e-3
 """Below this probability of the chi-square the model is said to miss the curve."""
 
+_MOVED = 0.8
+"""A larger misfit is motion and no noise."""
+
 _LEAST = 6
 """Octaves of averaging time that four terms need."""
 
@@ -101,6 +104,28 @@ class NoiseFit:
     def curve(self, channel: str, tau: Array) -> Array:
         """Return the fitted deviation (k,) at averaging times (s)."""
         return np.asarray(np.sqrt(np.sum(self.parts(channel, tau) ** 2, axis=1)))
+
+    def warnings(self) -> list[str]:
+        """Return where the four terms do not meet the curve, in a sentence."""
+        out = []
+        for moved in (False, True):
+            off = [
+                f"{c} ({100 * f.misfit:.0f} %)"
+                for c, f in self.channels.items()
+                if f.misfit > 0.0 and (f.misfit > _MOVED) == moved
+            ]
+            if off and moved:
+                out.append(
+                    f"{', '.join(off)}: this is not the noise of an instrument at rest (the curve "
+                    "is so far off any sum of the four terms): take a stretch at rest with --start "
+                    "and --stop, and trust no figure of these channels"
+                )
+            elif off:
+                out.append(
+                    f"{', '.join(off)}: no sum of the four noise terms meets the curve better (in "
+                    "parts of the variance), as when the instrument filters; the sigmas include it"
+                )
+        return out
 
     def to_spec(self, name: str = "static record") -> ImuSpec:
         """Return an instrument specification: each figure the rms over the fitted axes.

@@ -1,0 +1,124 @@
+"""The command ``schuler allan``, which tells an instrument's noise from a static record."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from schuler.cli.common import (
+    check_outputs,
+    emit_json,
+    file_options,
+    open_file,
+    progress,
+    say_warnings,
+)
+from schuler.errors import InputError
+
+if TYPE_CHECKING:
+    from schuler.sensors.allan import Allan
+    from schuler.sensors.allan_fit import NoiseFit
+
+__all__ = ["command"]
+
+
+@click.command("allan", context_settings={"help_option_names": ["-h", "--help"]})
+@file_options
+@click.option(
+    "--kind",
+    type=click.Choice(["allan", "hadamard", "total"]),
+    default="allan",
+    show_default=True,
+    help="Overlapping Allan; Hadamard, blind to a steady drift; or total, for long times.",
+)
+@click.option("--taus", metavar="LIST", help="Averaging times, as 0.1s,1s,10s,5min.")
+@click.option(
+    "--channel",
+    "channels",
+    metavar="NAME",
+    multiple=True,
+    help="Only this one: gyro-x, accel-z ... (may be given several times).",
+)
+@click.option("--json", "json_to", metavar="OUT", help="Write the result as JSON (- : here).")
+@click.option("--report", "report_to", metavar="OUT.html", help="Draw the curves and the fit.")
+@click.option(
+    "--save-spec", metavar="OUT.toml", help="Write the fitted noise as a specification (--spec)."
+)
+def command(**options: Any) -> None:
+    """Tell the noise of each sensor from FILE, a record of an instrument at rest.
+
+    Averaging times are four an octave up to a third of the record when --taus is not given. The fit
+    finds quantisation, random walk, bias instability and rate random walk, with 1-sigma; a term
+    that the record does not show has a limit (95 %) instead.
+
+    \b
+      schuler allan static.csv --gyro deg/s --accel g --report noise.html
+      schuler allan static.csv --gyro deg/s --accel g --save-spec mine.toml
+      schuler align truck.csv --gyro deg/s --accel g --lat 48.1 --spec mine.toml
+    """  # noqa: D301
+    from schuler.sensors.allan import allan
+    from schuler.sensors.allan_fit import fit_noise
+    from schuler.sensors.allan_output import save_spec, to_dict
+
+    kind, taus = options.pop("kind"), _times(options.pop("taus"))
+    wanted = [name.replace("-", "_") for name in options.pop("channels")]
+    json_to, report_to, spec_to = (options.pop(k) for k in ("json_to", "report_to", "save_spec"))
+    start, stop = options.pop("start"), options.pop("stop")
+    source, finish = open_file(options)
+    check_outputs(json_to, report_to, spec_to)
+    if report_to is not None:
+        from schuler.report.page import graph_objects
+
+        graph_objects()  # a missing library is said before the work, too
+    with progress(source, source.chunks(start=start, stop=stop)) as chunks:
+        found = allan(chunks, taus, kind)
+    if wanted:
+        found = found.select(wanted)
+    fit: NoiseFit | None = None
+    warnings = list(source.quality.warnings() if source.quality else ()) + found.warnings()
+    try:
+        fit = fit_noise(found)
+    except InputError as error:
+        if spec_to is not None:
+            raise
+        warnings.append(str(error))
+    else:
+        warnings += fit.warnings()
+    if json_to is not None:
+        emit_json(to_dict(found, fit), json_to)
+    if report_to is not None:
+        from schuler.report.allan import allan_report
+
+        allan_report(found, fit, report_to)
+    if spec_to is not None and fit is not None:
+        save_spec(fit, spec_to)
+    if json_to != "-":
+        _print(found, fit)
+    finish()
+    say_warnings(warnings)
+
+
+def _times(text: str | None) -> list[float] | None:
+    if text is None:
+        return None
+    from schuler.units import parse
+
+    out = []
+    for part in text.split(","):
+        try:
+            out.append(float(part))
+        except ValueError:
+            out.append(parse(part.strip(), "time", "--taus"))
+    return out
+
+
+def _print(found: Allan, fit: NoiseFit | None) -> None:
+    """Print the curves and the fit for people."""
+    from schuler.sensors.allan_output import curve_lines, fit_lines
+
+    for line in curve_lines(found):
+        click.echo(line)
+    if fit is not None:
+        for line in fit_lines(fit):
+            click.echo(line)
