@@ -43,7 +43,7 @@ __all__ = ["command"]
 @click.option(
     "--prefilter",
     metavar="NAME",
-    help="emd, lowpass, lowpass-zero-phase, gate, gate-printed, hankel or wavelet; none by default.",
+    help="emd, lowpass, lowpass-zero-phase, gate, gate-printed, hankel or wavelet; or none.",
 )
 @click.option(
     "--spec",
