@@ -31,7 +31,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from schuler._version import __version__
 
 #: public name -> module; resolved on first use, so that `import schuler` costs nothing
 _PUBLIC = {

@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from schuler import __version__
+from schuler._version import __version__
 from schuler.errors import InputError, SchulerError
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from schuler import __version__
+from schuler._version import __version__
 from schuler.align import parse_method
 from schuler.campaign.chunk import Chunk
 from schuler.config import Scenario
