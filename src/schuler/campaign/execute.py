@@ -19,6 +19,9 @@ __all__ = ["execute"]
 _DEATHS = 5
 """So many chunks in a row may lose their worker before it is the campaign's fault."""
 
+_STARTS = 4
+"""So often a local cluster is started before it is given up."""
+
 #: an executor, and how many chunks it should have at hand
 Staff = AbstractContextManager[tuple[Executor, int]]
 
@@ -146,13 +149,10 @@ def _dask(workers: int | None, scheduler: str | None) -> Iterator[tuple[Executor
     with dask.config.set(settings):
         if scheduler is None:
             with (
-                LocalCluster(
-                    n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
-                    dashboard_address=None, silence_logs=50, env=dict(ONE_THREAD),
-                ) as cluster,
+                _cluster(LocalCluster, workers or 1) as cluster,
                 Client(cluster, set_as_default=False) as client,
                 client.get_executor(pure=False) as executor,
-            ):  # fmt: skip
+            ):
                 yield executor, 3 * (workers or 1)
             return
         try:
@@ -163,3 +163,20 @@ def _dask(workers: int | None, scheduler: str | None) -> Iterator[tuple[Executor
             ) from None
         with client, client.get_executor(pure=False) as executor:
             yield executor, max(16, 3 * sum(client.nthreads().values()))
+
+
+def _cluster(local_cluster: Any, workers: int) -> Any:
+    """Return a local cluster; one whose worker dies while it starts is started again."""
+    for attempt in range(1, _STARTS + 1):
+        try:
+            return local_cluster(
+                n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
+                dashboard_address=None, silence_logs=50, env=dict(ONE_THREAD),
+            )  # fmt: skip
+        except RuntimeError as error:
+            if attempt == _STARTS:
+                raise SchulerError(
+                    f"a local cluster of {workers} worker(s) cannot be started ({error}); try "
+                    "--workers 0, or leave --workers out"
+                ) from None
+    raise AssertionError
