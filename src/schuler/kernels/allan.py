@@ -12,6 +12,31 @@ TILE = 2048
 """Points to a tile."""
 
 
+@kernel
+def integrate(increments, offset, last, phase):
+    """Write the running sums of increments, less a constant, behind the last point of each.
+
+    Parameters
+    ----------
+    increments : (n, c) float64
+    offset : (c,) float64
+        Taken from each increment.
+    last : (c,) float64
+        The phase before; left ready for the next chunk.
+    phase : (c, n) float64
+        Written to.
+    """
+    n = increments.shape[0]
+    for begin in range(0, n, TILE):
+        end = min(begin + TILE, n)
+        for j in range(increments.shape[1]):
+            x, less = last[j], offset[j]
+            for i in range(begin, end):
+                x += increments[i, j] - less
+                phase[j, i] = x
+            last[j] = x
+
+
 @summing_kernel
 def allan_sums(x, low, first, lags, sums):
     """Add the squares of second differences x[e] - 2 x[e-m] + x[e-2m], for each lag m.

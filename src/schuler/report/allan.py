@@ -52,7 +52,7 @@ def allan_report(found: Allan, fit: NoiseFit | None, path: str | Path) -> None:
             continue
         shown = (
             "Points: deviation; bands: 68 % confidence. Lines: the sum of the fitted terms; "
-            "dotted: each term alone, of the channel that has the most of it (Q quantisation, N random "
+            "dotted: each term alone, of the channel that has most of it (Q quantisation, N random "
             "walk, B bias instability, K rate random walk)."
         )
         if fit is None:
@@ -147,9 +147,9 @@ def _figure(found: Allan, fit: NoiseFit | None, names: list[str]) -> Any:
         layout["annotations"] = []
         _asymptotes(fit, names, tau, factor, traces, layout, smallest)
     if largest > 0.0:
-        low, high = float(np.log10(0.5 * smallest)), float(np.log10(1.6 * largest))
+        bottom, top = float(np.log10(0.5 * smallest)), float(np.log10(1.6 * largest))
         # Powers of ten alone are too few marks for a low figure.
-        layout["yaxis"].update(range=[low, high], dtick=1 if high - low > 2.5 else "D2")
+        layout["yaxis"].update(range=[bottom, top], dtick=1 if top - bottom > 2.5 else "D2")
     return figure_of(traces, layout)
 
 

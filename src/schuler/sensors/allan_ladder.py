@@ -178,17 +178,17 @@ class Ladder:
 
     def push(self, increments: Array) -> None:
         """Take increments (n, c)."""
+        from schuler.kernels.allan import integrate
+
         if not len(increments):
             return
         if not len(self._offset):
             # Differences are blind to a constant rate; without it the sum stays small and exact.
             self._offset = increments[0].copy()
             self._feed(0, np.zeros((self._channels, 1)))
-        steps = increments - self._offset
-        steps[0] += self._phase
-        phase = np.cumsum(steps, axis=0)
-        self._phase = phase[-1].copy()
-        self._feed(0, phase.T)
+        phase = np.empty((self._channels, len(increments)))
+        integrate(np.ascontiguousarray(increments), self._offset, self._phase, phase)
+        self._feed(0, phase)
 
     def _feed(self, r: int, points: Array) -> None:
         if r == len(self._rungs):

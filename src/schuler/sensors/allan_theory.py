@@ -53,7 +53,7 @@ def unit_variances(kind: Kind, tau: Array, duration: float) -> Array:
 
     Allan: 3/tau^2, 1/tau, 2 ln2/pi, tau/3 (IEEE Std 952-1997, C.1). Hadamard: from the same
     spectra by third differences, 10/(3 tau^2), 1/tau, ln(256/27)/(2 pi), tau/6. Total:
-    Allan's, less its known bias for B and K (NIST SP 1065, table 9).
+    Allan's, with its known bias for B and K (NIST SP 1065, table 9) and for Q.
 
     Parameters
     ----------
@@ -70,6 +70,8 @@ def unit_variances(kind: Kind, tau: Array, duration: float) -> Array:
     else:
         parts = [3.0 / tau**2, 1.0 / tau, 2.0 * np.log(2.0) / np.pi * one, tau / 3.0]
     if kind == "total":
+        # A reflected point brings the end's rounding with it: 10 instead of 6 squares, twice tau/T.
+        parts[0] = parts[0] * (1.0 + 4.0 / 3.0 * tau / duration)
         for k, alpha in ((2, -1), (3, -2)):
             parts[k] = parts[k] * (1.0 - _TOTAL[alpha][2] * np.minimum(tau / duration, 0.5))
     return np.column_stack(parts)
@@ -127,7 +129,9 @@ def _nearest_power(deviation: Array, lags: Lags, samples: int) -> Lags:
         else:
             slope = float(np.polyfit(x[near] - x[k], y[near], 1)[0])
             index[k] = int(np.clip(np.rint(slope + 2.0), 0, 3))
-    return index
+    # Redder noise takes over as time grows. A chance dip at long times would else pass for
+    # rounding, which has a thousand times the freedom there.
+    return np.asarray(np.maximum.accumulate(index))
 
 
 def freedom(kind: Kind, lags: Lags, samples: int) -> Array:
