@@ -44,7 +44,7 @@ def test_table_and_fit(run: Run, still: Path) -> None:
     assert lines[1].split() == ["tau", "s", *(f"gyro_{a}" for a in "xyz"), *(
         f"accel_{a}" for a in "xyz")]  # fmt: skip
     assert lines[2].split() == ["deg/h"] * 3 + ["ug"] * 3
-    # 0.2 deg/sqrt(h) is 12 deg/h at 1 s, as near as makes no odds at 0.95 s; 200 s give it to 4 %: within five times that.
+    # 0.2 deg/sqrt(h) is 12 deg/h at 1 s, 12.3 at 0.95 s; 200 s give it to 4 %: five times that.
     one = next(line.split() for line in lines if line.split()[0] == "0.95")
     assert float(one[1]) == pytest.approx(12.0, rel=0.2)
     assert float(one[4]) == pytest.approx(100.0, rel=0.2)

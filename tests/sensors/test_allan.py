@@ -24,6 +24,8 @@ from schuler.sensors.noise import corrupt
 
 from ..conftest import chi_square_band, pieces
 
+# Marked slow: what takes seconds when the kernels run uncompiled.
+
 RATE = 100.0
 KINDS = ("allan", "hadamard", "total")
 
@@ -85,6 +87,7 @@ def test_a_record_gives_what_its_increments_give():
     assert 12 <= per_decade <= 14
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["allan", "hadamard"])
 def test_a_stream_agrees_with_the_whole_record(kind):
     """To rounding up to 1024 samples; beyond, to a twentieth of the estimate's scatter."""
@@ -150,6 +153,7 @@ def test_short_gaps_are_shared_out_and_said():
 # -- what noise does -------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
     ("term", "spec"),
@@ -174,6 +178,7 @@ def test_each_noise_has_the_deviation_of_theory(kind, term, spec):
     assert np.all(off < allowed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_white_rounding_has_the_deviation_of_theory(kind):
     """White phase of 1e-3 rad on 24 channels: within 4 sigmas of the mean at each time."""
@@ -196,6 +201,7 @@ def test_degrees_of_freedom_are_greenhall_s(kind, d, k_alpha, lag):
     assert freedom(kind, np.array([lag]), 1000)[0, k] == pytest.approx(want, rel=0.04)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_two_thirds_of_the_bounds_hold_the_truth(kind):
     """300 channels of 20 s of white noise at four times, 1 sigma 2.7 %: 68 % within 8.
@@ -273,6 +279,7 @@ def test_known_noise_is_found_within_its_sigmas(case, kind):
         assert total < high * 1.33, (term, total)
 
 
+@pytest.mark.slow
 def test_a_limit_stands_where_a_term_is_absent():
     fit = fit_noise(allan(white(60_000)))
     term = fit.channels["gyro_x"].terms["rate_random_walk"]
@@ -282,6 +289,7 @@ def test_a_limit_stands_where_a_term_is_absent():
     assert 0 < term.below < 30 * math.sqrt(1e-8 * RATE / tau * 3.0 / tau)
 
 
+@pytest.mark.slow
 def test_curve_and_parts_add_up():
     fit = fit_noise(allan(noisy(*CASES["N B, N K"], 60_000, 1)))
     tau = np.array([0.01, 1.0, 100.0])
@@ -291,6 +299,7 @@ def test_curve_and_parts_add_up():
     assert parts[0, 1] == pytest.approx(terms[1].value / math.sqrt(0.01))
 
 
+@pytest.mark.slow
 def test_misfit_is_found_and_enters_the_sigmas():
     """White noise through a filter: half of each sample is the one before it."""
     x = np.random.default_rng(9).normal(size=(100_001, 6))
@@ -305,6 +314,7 @@ def test_misfit_is_found_and_enters_the_sigmas():
     assert one.terms[key].sigma > 3 * other.terms[key].sigma
 
 
+@pytest.mark.slow
 def test_motion_is_called_motion():
     x = np.random.default_rng(9).normal(size=(40_000, 6)) * 1e-6
     x += 0.01 * np.sin(np.arange(40_000) / 30.0)[:, None]
@@ -320,6 +330,7 @@ def test_a_dead_channel_has_no_noise():
     assert all(t.value is None and t.below == 0.0 for t in fit.channels["accel_y"].terms.values())
 
 
+@pytest.mark.slow
 def test_from_a_record_to_a_specification(tmp_path):
     gyro, accelerometer = CASES["N B, N K"]
     fit = fit_noise(allan(noisy(gyro, accelerometer, 200_000, 5)))
@@ -467,6 +478,7 @@ def published(data_dir):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.realdata
 def test_published_wavelet_variances(adis, published):
     """The Haar wavelet variance at scale 2 tau is half the Allan variance at tau: to 1e-9."""
@@ -477,6 +489,7 @@ def test_published_wavelet_variances(adis, published):
         np.testing.assert_allclose(found[:, k] ** 2 / 2.0, rows[:, 1], rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.realdata
 def test_published_wavelet_variances_from_a_stream(adis, published):
     """In constant memory: four digits where no overlap is left out, else a tenth of a sigma."""
