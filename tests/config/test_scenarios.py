@@ -167,6 +167,7 @@ def test_overrides_win_and_make_what_was_not_there(tmp_path):
     assert scene.build()[0].parts[2].roll == 3.0
     assert scene.spec.gyro.bias == pytest.approx(np.radians(7.0) / 3600.0)
     assert scene.spec.gyro.angle_random_walk == GRADES["navigation-fog"].gyro.angle_random_walk
+    assert scene.spec.name == "navigation-fog, changed"
     assert scene.methods == ("wahba",)
     assert with_overrides(scene, {"site.height": 5}).site.height == 5.0
 

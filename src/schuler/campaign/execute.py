@@ -143,6 +143,9 @@ def _dask(workers: int | None, scheduler: str | None) -> Iterator[tuple[Executor
     settings: dict[str, Any] = {
         # A killed worker is no reason to give its chunk up; `_through` counts in the end.
         "distributed.scheduler.allowed-failures": 20,
+        # In the place of Dask's own, which hand memory back after every run only to fetch it anew:
+        # a third more time.
+        "distributed.nanny.pre-spawn-environ": dict(ONE_THREAD),
         "distributed.admin.large-graph-warning-threshold": "1GB",
         "distributed.logging": {"distributed": "critical"},
     }

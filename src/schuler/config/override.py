@@ -131,6 +131,7 @@ def apply(data: dict[str, Any], overrides: Mapping[str, Any]) -> None:
                 if not last and isinstance(where.get(key), str) and where[key] in GRADES:
                     # A figure of a named instrument is changed: write the instrument out.
                     where[key] = spec_table(GRADES[where[key]])
+                    where[key]["name"] += ", changed"
                 if not last:
                     where.setdefault(key, {})
             else:
