@@ -15,7 +15,7 @@ import numpy as np
 from schuler.record import ImuRecord
 from schuler.sensors.allan import allan, allan_deviation
 
-SAMPLES, TAUS, RATE, REPEATS = 1_000_000, 60, 100.0, 5
+SAMPLES, TAUS, RATE, REPEATS = 1_000_000, 60, 100.0, 15
 
 
 def best(function: Callable[[], object], repeats: int) -> float:
@@ -64,7 +64,7 @@ def run() -> list[dict[str, Any]]:
             tau, deviation, _, _ = theirs()
             np.testing.assert_allclose(tau, lags / RATE)
             np.testing.assert_allclose(job(), deviation, rtol=1e-9)
-            peer = best(theirs, 2)
+            peer = best(theirs, 3)
         rows.append(
             {
                 "what": f"{kind} deviation, 1e6 samples, {TAUS} times (peer: allantools.{name})",

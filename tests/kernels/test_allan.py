@@ -31,6 +31,17 @@ def test_sums_are_those_of_the_definition(n, order):
         assert found == pytest.approx(want, rel=1e-12)
 
 
+@pytest.mark.parametrize("order", [2, 3])
+def test_a_whole_phase_gives_what_a_stream_gives(order):
+    """Lags on both sides of where four differences go together, and with any remainder."""
+    x = phase_of(6000)
+    lags = np.array([1, 31, 32, 33, 100, 857, 999, 1000, 1100, 1500, 1999])
+    stream, whole = np.zeros(len(lags)), np.zeros(len(lags))
+    (kernels.allan_sums if order == 2 else kernels.hadamard_sums)(x, 0, 0, lags, stream)
+    (kernels.allan_whole if order == 2 else kernels.hadamard_whole)(x, lags, whole)
+    np.testing.assert_allclose(whole, stream, rtol=1e-12)
+
+
 def test_points_before_the_first_valid_one_are_left_alone():
     x = phase_of(100)
     x[:10] = np.nan

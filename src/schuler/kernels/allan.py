@@ -1,7 +1,9 @@
 """Sums of squared differences of a phase at many lags at once, for Allan-type variances.
 
-The phase is the running sum of a record's increments (angle, velocity). Work goes in tiles of the
-newest point, all lags to a tile, so that the phase is read from the cache and not from memory.
+The phase is the running sum of a record's increments (angle, velocity). For a stream, work goes
+in tiles of the newest point, all lags to a tile (`allan_sums`, `hadamard_sums`). For a phase that
+is there whole, reading it is what takes the time: four differences, each a lag after the one before,
+are taken together, since they share most of their points (`allan_whole`, `hadamard_whole`).
 """
 
 from __future__ import annotations
@@ -10,6 +12,12 @@ from schuler.kernels._jit import kernel, summing_kernel
 
 TILE = 2048
 """Points to a tile."""
+
+PIECE = 1024
+"""Points that are taken together of a whole phase."""
+
+SHORT = 32
+"""Shorter lags leave too few points to a piece for four differences at a time."""
 
 
 @kernel
@@ -91,6 +99,84 @@ def hadamard_sums(x, low, first, lags, sums):
                 d = (a[i] - g[i]) - 3.0 * (b[i] - c[i])
                 total += d * d
             sums[k] += total
+
+
+@summing_kernel
+def allan_whole(x, lags, sums):
+    """Add the squares of all second differences of a whole phase, for each lag m.
+
+    Parameters
+    ----------
+    x : (n,) float64
+        Phase.
+    lags : (k,) int64
+        m, samples, from 1.
+    sums : (k,) float64
+        Added to.
+    """
+    n = x.shape[0]
+    for k in range(lags.shape[0]):
+        m = lags[k]
+        total = 0.0
+        q = 2 * m
+        while m >= SHORT and q + 4 * m <= n:
+            for t in range(q, q + m, PIECE):
+                w = min(PIECE, q + m - t)
+                a, b, c = x[t - 2 * m : t - 2 * m + w], x[t - m : t - m + w], x[t : t + w]
+                d, e = x[t + m : t + m + w], x[t + 2 * m : t + 2 * m + w]
+                f = x[t + 3 * m : t + 3 * m + w]
+                part = 0.0
+                for i in range(w):
+                    y1, y2, y3 = b[i] - a[i], c[i] - b[i], d[i] - c[i]
+                    y4, y5 = e[i] - d[i], f[i] - e[i]
+                    z1, z2, z3, z4 = y2 - y1, y3 - y2, y4 - y3, y5 - y4
+                    part += z1 * z1 + z2 * z2 + z3 * z3 + z4 * z4
+                total += part
+            q += 4 * m
+        for t in range(q, n, PIECE):
+            w = min(PIECE, n - t)
+            a, b, c = x[t - 2 * m : t - 2 * m + w], x[t - m : t - m + w], x[t : t + w]
+            part = 0.0
+            for i in range(w):
+                z = (c[i] - b[i]) - (b[i] - a[i])
+                part += z * z
+            total += part
+        sums[k] += total
+
+
+@summing_kernel
+def hadamard_whole(x, lags, sums):
+    """Add the squares of all third differences of a whole phase; parameters as `allan_whole`."""
+    n = x.shape[0]
+    for k in range(lags.shape[0]):
+        m = lags[k]
+        total = 0.0
+        q = 3 * m
+        while m >= SHORT and q + 4 * m <= n:
+            for t in range(q, q + m, PIECE):
+                w = min(PIECE, q + m - t)
+                a, b = x[t - 3 * m : t - 3 * m + w], x[t - 2 * m : t - 2 * m + w]
+                c, d, e = x[t - m : t - m + w], x[t : t + w], x[t + m : t + m + w]
+                f, g = x[t + 2 * m : t + 2 * m + w], x[t + 3 * m : t + 3 * m + w]
+                part = 0.0
+                for i in range(w):
+                    z1 = (d[i] - a[i]) - 3.0 * (c[i] - b[i])
+                    z2 = (e[i] - b[i]) - 3.0 * (d[i] - c[i])
+                    z3 = (f[i] - c[i]) - 3.0 * (e[i] - d[i])
+                    z4 = (g[i] - d[i]) - 3.0 * (f[i] - e[i])
+                    part += z1 * z1 + z2 * z2 + z3 * z3 + z4 * z4
+                total += part
+            q += 4 * m
+        for t in range(q, n, PIECE):
+            w = min(PIECE, n - t)
+            a, b = x[t - 3 * m : t - 3 * m + w], x[t - 2 * m : t - 2 * m + w]
+            c, d = x[t - m : t - m + w], x[t : t + w]
+            part = 0.0
+            for i in range(w):
+                z = (d[i] - a[i]) - 3.0 * (c[i] - b[i])
+                part += z * z
+            total += part
+        sums[k] += total
 
 
 @kernel

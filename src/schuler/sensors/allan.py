@@ -28,8 +28,8 @@ Lags = NDArray[np.int64]
 _LEAST = 9
 """Fewer samples are no record to judge noise by."""
 
-_SEGMENT = 1 << 17
-"""Points to a job: fixed, so that the sums do not depend on the number of threads."""
+_PARTS = 8
+"""Jobs that a channel's lags are shared out to; no sum is split, so threads change no bit."""
 
 
 def _settled(kind: str) -> Kind:
@@ -57,25 +57,20 @@ def _sums(phase: Array, lags: Lags, kind: Kind) -> Array:
 
     from schuler.kernels import allan as kernels
 
-    work: Any = kernels.hadamard_sums if kind == "hadamard" else kernels.allan_sums
-    c, n = phase.shape
-    jobs = [(j, first) for j in range(c) for first in range(0, n, _SEGMENT)]
-    parts = np.zeros((len(jobs), len(lags)))
-
-    def one(k: int) -> None:
-        j, first = jobs[k]
-        work(phase[j, : first + _SEGMENT], 0, first, lags, parts[k])
-
-    threads = min(_threads(), len(jobs))
-    if threads > 1:
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(one, range(len(jobs))))
-    else:
-        for k in range(len(jobs)):
-            one(k)
+    work: Any = kernels.hadamard_whole if kind == "hadamard" else kernels.allan_whole
+    c = len(phase)
     out = np.zeros((len(lags), c))
-    for (j, _), part in zip(jobs, parts, strict=True):
-        out[:, j] += part
+    jobs = [(j, k) for k in range(min(_PARTS, len(lags))) for j in range(c)]
+
+    def one(job: tuple[int, int]) -> None:
+        # Every eighth lag: short and long ones, so that the jobs take about as long.
+        j, k = job
+        sums = np.zeros(len(lags[k::_PARTS]))
+        work(phase[j], np.ascontiguousarray(lags[k::_PARTS]), sums)
+        out[k::_PARTS, j] = sums
+
+    with ThreadPoolExecutor(min(_threads(), len(jobs))) as pool:
+        list(pool.map(one, jobs))
     if kind == "total":
         edges = np.zeros((c, len(lags)))
         for j in range(c):
