@@ -2,7 +2,7 @@
 
 The phase is the running sum of a record's increments (angle, velocity). For a stream, work goes
 in tiles of the newest point, all lags to a tile (`allan_sums`, `hadamard_sums`). For a phase that
-is there whole, reading it is what takes the time: four differences, each a lag after the one before,
+is there whole, reading it is what takes the time: four differences, each a lag after the last,
 are taken together, since they share most of their points (`allan_whole`, `hadamard_whole`).
 """
 
