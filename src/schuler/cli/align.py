@@ -12,6 +12,7 @@ import click
 from schuler import __version__
 from schuler.cli.common import (
     Seconds,
+    check_outputs,
     emit_json,
     file_options,
     open_file,
@@ -90,7 +91,7 @@ def command(**options: Any) -> None:
     site = site_or_none(options, source)
     if site is None:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
-    _check_outputs(json_to, report_to)
+    check_outputs(json_to, report_to)
     method = with_prefilter(parse_method(name), parse_prefilter(prefilter, site.gravity))
     if report_to is not None:
         from schuler.report.page import graph_objects
@@ -123,20 +124,6 @@ def command(**options: Any) -> None:
         _print(fix, windows)
     finish()
     say_warnings(fix.warnings)
-
-
-def _check_outputs(*targets: str | None) -> None:
-    """Refuse an output that cannot be written before the work, not after it."""
-    from pathlib import Path
-
-    for target in targets:
-        if target in (None, "-"):
-            continue
-        path = Path(str(target))
-        if path.is_dir():
-            raise InputError(f"{path}: is a folder; name a file in it")
-        if not path.parent.is_dir():
-            raise InputError(f"{path}: there is no folder '{path.parent}' to write it to")
 
 
 def _with_source(fix: Alignment, source: Source, spec: str | None) -> Alignment:
