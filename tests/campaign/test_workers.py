@@ -20,10 +20,11 @@ RUNS = ("--runs", "48")
 
 
 @pytest.fixture(scope="module")
-def undisturbed(scene, tmp_path_factory):
-    """Return the digest of an undisturbed campaign in this process."""
-    folder = tmp_path_factory.mktemp("undisturbed")
-    return digest(run_campaign(Campaign(scene, 48), folder, workers=0).path)
+def undisturbed(scene_file, tmp_path_factory):
+    """Return the digest of an undisturbed campaign in one process, with code from the cache."""
+    out = tmp_path_factory.mktemp("undisturbed") / "out"
+    finish(start(scene_file, out, *RUNS, "--workers", "0"))
+    return digest(out / "results.parquet")
 
 
 def finish(process):
