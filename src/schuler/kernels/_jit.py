@@ -81,5 +81,5 @@ def summing_kernel(function: F) -> F:
 
 def helper(function: F) -> F:
     """Compile a small function that is only ever inlined into kernels."""
-    compiled: F = numba.njit(inline="never", error_model="numpy", fastmath=_FUSE)(function)
+    compiled: F = numba.njit(forceinline=True, error_model="numpy", fastmath=_FUSE)(function)
     return compiled
