@@ -112,11 +112,13 @@ def test_windows_have_their_figure(windows: Windows, tmp_path: Path) -> None:
 @pytest.mark.parametrize("method", ["wahba", "integral-triad", "instants-triad", "analytic"])
 def test_every_method_can_be_drawn(method: str, tmp_path: Path) -> None:
     for spec in (None, "tactical-fog"):
-        page(align(record(60.0, 20.0), SITE, method, spec), tmp_path / "r.html")
+        text = page(align(record(60.0, 20.0), SITE, method, spec), tmp_path / "r.html")
+        assert text.count('class="plot"') >= 6
 
 
 def test_the_shortest_record_can_be_drawn(tmp_path: Path) -> None:
-    page(align(record(0.5, 20.0), SITE), tmp_path / "r.html")
+    text = page(align(record(0.5, 20.0), SITE), tmp_path / "r.html")
+    assert text.count('class="plot"') >= 6
 
 
 def test_hostile_names_are_only_text(fix: Alignment, tmp_path: Path) -> None:
