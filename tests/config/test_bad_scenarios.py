@@ -60,8 +60,9 @@ CASES = {
     "bias with a wrong unit": ('"0.01 deg/h"', '"0.01 m"', 10, ["instrument.gyro.bias", "length"]),
     "instrument's key": ('bias = "50 ug"', 'bais = "50 ug"', 13,
                          ["instrument.accelerometer.bais", "unknown key"]),
-    "instrument in a table": ("[instrument.gyro]\nbias = \"0.01 deg/h\"\n\n[instrument.accelerometer]\n"
-              'bias = "50 ug"\n', 'instrument = "gold"\n', 9, ["unknown key"]),
+    "instrument in a table": ('[instrument.gyro]\nbias = "0.01 deg/h"\n\n'
+                              '[instrument.accelerometer]\nbias = "50 ug"\n',
+                              'instrument = "gold"\n', 9, ["unknown key"]),
     "method": ('"centred"', '"centered"', 25, ["align.method", "unknown method", "wahba"]),
     "not TOML": ("seed = 4", "seed = ", 3, ["not valid TOML"]),
     "twice": ("seed = 4", "seed = 4\nseed = 5", 4, ["not valid TOML"]),
