@@ -145,7 +145,8 @@ def test_result_is_plain(still):
     rotated = fix.rotation.apply([0.0, 1.0, 0.0])
     heading = np.degrees(np.arctan2(rotated[0], rotated[1])) % 360
     assert heading == pytest.approx(fix.heading_deg)
-    assert "centred" in str(fix)
+    assert "optimal" in str(fix)
+    assert "chosen because the base is at rest" in str(fix)
 
 
 def test_convergence_ends_at_the_result(truck):

@@ -9,18 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.align.analytic import analytic_attitude
+from schuler.align.choose import choose
 from schuler.align.disturbance import (
     analytic_disturbance,
+    disturbance_levels,
     inertial_disturbance,
     noise_ratio,
     residual,
 )
 from schuler.align.history import History, inertial_to_local
 from schuler.align.inertial import MINIMUM_ROWS, solve
+from schuler.align.joint import Joint, joint
 from schuler.align.limit import limit
-from schuler.align.methods import Analytic, Inertial, Method, parse_method, with_prefilter
+from schuler.align.methods import Analytic, Auto, Inertial, Method, parse_method, with_prefilter
 from schuler.align.result import Alignment
-from schuler.align.uncertainty import analytic_responses, inertial_responses, instrument_budget
+from schuler.align.uncertainty import (
+    analytic_responses,
+    inertial_responses,
+    instrument_budget,
+    weighted_responses,
+)
 from schuler.attitude import matrix_to_quat, quat_to_matrix
 from schuler.constants import ARCMIN
 from schuler.earth import Site
@@ -54,11 +62,14 @@ class Estimate:
     that is surely quieter than its instrument is said to be has its white noise scaled down.
     """
 
+    method: Inertial | Analytic
     attitude: Array
     budget: dict[str, Array]
     orthonormality: float | None
     noise_ratio: float | None
     spec: ImuSpec | None
+    joint: Joint | None = None
+    why: str = ""
 
     @property
     def covariance(self) -> Array:
@@ -77,19 +88,39 @@ def estimate(
         )
     orthonormality = None
     ratio = None
+    why = ""
+    if isinstance(method, Auto):
+        method, why = choose(h, site, spec, method.subsamples)
     if isinstance(method, Inertial):
-        r = solve(h, site.gravity, site.latitude, method.estimator)
-        tracked = quat_to_matrix(h.quat[-1]) if at_end else np.eye(3)
-        when = h.duration if at_end else 0.0
-        attitude = inertial_to_local(when, site.latitude) @ r @ tracked
-        responses = inertial_responses(h, r, site.gravity, site.latitude, method.estimator, at_end)
         left = residual(h, site)
         if spec:
             ratio = noise_ratio(left, site.gravity, spec)
             if ratio is not None and ratio < _QUIET:
                 spec = spec.with_white_noise(np.sqrt(ratio))
-        disturbance = inertial_disturbance(left, responses, site, spec)
+        sway = np.zeros((3, 3))
+        seen = None
+        if method.estimator == "optimal":
+            best = joint(h, site, spec)
+            r, sway, levels = best.rotation, best.sway, best.levels
+            # One dwell shows no bias apart from the attitude.
+            seen = best if spec is not None and len(best.dwells) != 1 else None
+            responses = weighted_responses(
+                best.history, best.weights, best.angle, best.attitude, site.gravity,
+                site.latitude, at_end,
+            )  # fmt: skip
+        else:
+            r = solve(h, site.gravity, site.latitude, method.estimator)
+            levels = disturbance_levels(left, site.gravity, spec)
+            responses = inertial_responses(
+                h, r, site.gravity, site.latitude, method.estimator, at_end
+            )
+        tracked = quat_to_matrix(h.quat[-1]) if at_end else np.eye(3)
+        when = h.duration if at_end else 0.0
+        attitude = inertial_to_local(when, site.latitude) @ r @ tracked
+        c = inertial_to_local(when, site.latitude)
+        disturbance = inertial_disturbance(left, levels, responses, site) + c @ sway @ c.T
     else:
+        seen = None
         angle, velocity = h.increments()
         attitude, orthonormality = analytic_attitude(
             angle / h.duration, velocity / h.duration, site, method.base
@@ -100,7 +131,7 @@ def estimate(
     mean_rate, mean_force = angle / h.duration, velocity / h.duration
     budget = instrument_budget(responses, spec, mean_rate, mean_force) if spec else {}
     budget["disturbance"] = disturbance
-    return Estimate(attitude, budget, orthonormality, ratio, spec)
+    return Estimate(method, attitude, budget, orthonormality, ratio, spec, seen, why)
 
 
 class Aligner:
@@ -114,7 +145,7 @@ class Aligner:
     site : Site
         Latitude and height; the longitude is not needed.
     method : Method or str, optional
-        `Inertial()` (centred) by default; see `METHODS`.
+        `Auto()` by default; see `METHODS`.
     spec : ImuSpec, str or path, optional
         The instrument: a grade, a TOML file or an `ImuSpec`.
     at : {"end", "start"}
@@ -207,7 +238,7 @@ class Aligner:
         self._name = chunk.name
         # A corrected increment leaves nothing for several samples to correct.
         self._flags = (float(not chunk.coning_corrected), float(not chunk.sculling_corrected))
-        wanted = self.method.subsamples if isinstance(self.method, Inertial) else None
+        wanted = self.method.subsamples if isinstance(self.method, (Inertial, Auto)) else None
         if wanted is None:
             # By the first interval alone, so that chunking cannot matter.
             rate = 1.0 / float(chunk.dt[0])
@@ -218,7 +249,7 @@ class Aligner:
 
     def history(self) -> History:
         """Return the pass so far, with the samples that wait for a full update worked in."""
-        from schuler.kernels.tracking import ROW
+        from schuler.kernels.tracking import PLAIN
 
         waiting = int(self._state[48])
         if not waiting:
@@ -229,7 +260,7 @@ class Aligner:
         # The plain sums had these samples already, and will have them again.
         rate = np.linalg.norm(rows.reshape(-1, 2, 3), axis=2) / dt[:, None]
         state[30:36] -= rows.sum(axis=0)
-        state[36:ROW] -= np.stack([rate, rate**2], axis=-1).sum(axis=0).ravel()
+        state[36:PLAIN] -= np.stack([rate, rate**2], axis=-1).sum(axis=0).ravel()
         state[41] -= waiting
         state[48] = 0.0
         self._tracking.track(
@@ -244,7 +275,7 @@ class Aligner:
         record = ImuRecord.concatenate(self._held, quality=self._held[-1].quality)
         plain = Aligner(self.site, with_prefilter(self.method, None), self.spec, at=self.at)
         fix = plain.update(self.method.prefilter(record)).solution()
-        return replace(fix, method=self.method)
+        return replace(fix, method=with_prefilter(fix.method, self.method.prefilter))
 
     def solution(self) -> Alignment:
         """Return the alignment of all that has been taken.
@@ -287,7 +318,7 @@ class Aligner:
                 "cannot tell north"
             )
         return Alignment(
-            method=self.method,
+            method=found.method,
             site=self.site,
             start=h.start,
             end=float(self._tail[0][-1]),
@@ -300,10 +331,12 @@ class Aligner:
             warnings=tuple(warnings),
             spec=found.spec,
             orthonormality=found.orthonormality,
-            gyro_bias=None,
-            accel_bias=None,
+            gyro_bias=None if found.joint is None else found.joint.biases[:3],
+            accel_bias=None if found.joint is None else found.joint.biases[3:],
+            bias_covariance=None if found.joint is None else found.joint.covariance[3:, 3:],
             history=h,
             summary=summary,
+            why=found.why,
             inputs={"record": self._name},
         )
 
@@ -325,7 +358,7 @@ def align(
     site : Site
         Latitude and height.
     method : Method or str, optional
-        `Inertial()` (centred) by default.
+        `Auto()` by default.
     spec : ImuSpec, str or path, optional
         The instrument, for the parts of the uncertainty that the record cannot show.
     at : {"end", "start"}
@@ -345,4 +378,4 @@ def align(
 
 
 # A method that is not in the union would fall through `estimate`'s branches unseen.
-assert set(Method.__args__) == {Inertial, Analytic}
+assert set(Method.__args__) == {Inertial, Analytic, Auto}

@@ -3,13 +3,13 @@
 The velocity that is left when the best (centred) attitude has explained what it can is the
 motion of the vehicle and the noise of the instrument. A constant, a ramp and a parabola in it
 look like an attitude error, so the fit has swallowed them; the modes above (discrete Legendre
-polynomials of order 3 and up, east and north) are free of it. Their powers are fitted by three
-shapes, white velocity c, white force b and white rate a, on top of what the specification says
+polynomials of order 3 and up, east and north) are free of it. Their powers are fitted by four
+shapes, white displacement d, velocity c, force b and rate a, on top of what the specification says
 of the noise, and the fit is carried down to the swallowed modes by the same responses that the
 instrument's errors go through.
 
 How steeply the powers rise towards the low modes is poorly known from one record, so no single
-best fit is taken: the covariance is the posterior mean over a grid of (c, b, a), log-uniform,
+best fit is taken: the covariance is the posterior mean over a grid of (d, c, b, a), log-uniform,
 with no steep part beyond the level at which it alone would make the lowest modes. On the real
 record of the benchmark this gives normalised errors of rms about one, window by window.
 """
@@ -28,7 +28,19 @@ from schuler.align.uncertainty import BLOCKS, Responses, part_covariance
 from schuler.earth import Site
 from schuler.sensors import ImuSpec
 
-__all__ = ["Residual", "analytic_disturbance", "inertial_disturbance", "noise_ratio", "residual"]
+__all__ = [
+    "Levels",
+    "Residual",
+    "analytic_disturbance",
+    "angle_powers",
+    "disturbance_levels",
+    "inertial_disturbance",
+    "noise_ratio",
+    "posterior",
+    "residual",
+    "velocity_levels",
+    "velocity_powers",
+]
 
 Array = NDArray[np.float64]
 
@@ -39,7 +51,10 @@ LOWEST = 6
 _OUTLIER = 16.27
 """Chi-square of three degrees of freedom that one in a thousand exceeds."""
 
-_GRID = tuple(np.logspace(low, high, 11) for low, high in ((-3.0, 0.4), (-4.0, 0.2), (-6.0, 0.0)))
+_GRID = tuple(
+    np.logspace(low, high, 9)
+    for low, high in ((-3.0, 0.4), (-3.0, 0.4), (-4.0, 0.05), (-6.0, -0.15))
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,11 +103,11 @@ def residual(h: History, site: Site, blocks: int = BLOCKS) -> Residual:
 
 
 @lru_cache(maxsize=8)
-def _modes(m: int, last: int) -> Array:
-    """Return the orthonormal discrete Legendre modes FIRST_MODE to `last`, (m, k)."""
+def _modes(m: int, last: int, first: int = FIRST_MODE) -> Array:
+    """Return the orthonormal discrete Legendre modes `first` to `last`, (m, k)."""
     x = (np.arange(m) + 0.5) * (2.0 / m) - 1.0
     q, _ = np.linalg.qr(np.polynomial.legendre.legvander(x, last))
-    return np.asarray(q[:, FIRST_MODE:])
+    return np.asarray(q[:, first:])
 
 
 def _integrals(modes: Array, dt: Array, gravity: float) -> tuple[Array, Array]:
@@ -102,38 +117,71 @@ def _integrals(modes: Array, dt: Array, gravity: float) -> tuple[Array, Array]:
     return once, gravity * (np.cumsum(ramp[::-1], axis=0)[::-1] - 0.5 * ramp)
 
 
-@dataclass(frozen=True, eq=False)
-class _Powers:
-    """Powers of the modes, east plus north (k,), and what one axis of each shape makes (3, k).
+def velocity_powers(
+    velocity: Array, dt: Array, interval: float, gravity: float, spec: ImuSpec | None,
+    spans: tuple[tuple[int, int], ...] = (),
+) -> tuple[Array, Array, Array] | None:  # fmt: skip
+    """Return powers, shapes and known part of the modes of a residual velocity.
 
-    `known` (k,) is what the specification's noise makes of one axis.
+    Parameters
+    ----------
+    velocity : (m, 2) float64
+        Mean over each stretch, east and north, m/s.
+    dt : (m,) float64
+        Length of each stretch, s.
+    interval : float
+        Sampling interval, s.
+    gravity : float
+        m/s^2.
+    spec : ImuSpec or None
+    spans : tuple of (int, int)
+        Stretches [begin, end) that are looked at each for itself; all together where there are
+        none.
+
+    Returns
+    -------
+    (k,), (4, k), (k,) float64, or None
+        Powers, east plus north; what a unit of white displacement, velocity, force and rate makes
+        of one axis; what the specification's noise makes of one axis. None for a record without
+        enough stretches.
     """
-
-    power: Array
-    shapes: Array
-    known: Array
-
-
-def _powers(res: Residual, gravity: float, spec: ImuSpec | None) -> _Powers | None:
-    m = len(res.t)
-    last = min(LAST_MODE, m // 2)
-    if last < FIRST_MODE + 2:
+    parts = [
+        _powers(velocity[i:j], dt[i:j], interval, gravity, spec)
+        for i, j in spans or ((0, len(dt)),)
+        if j - i >= 2 * (FIRST_MODE + 2)
+    ]
+    if not parts:
         return None
-    modes = _modes(m, last)
-    power = np.sum((modes.T @ res.mean[:, :2]) ** 2, axis=1)
-    force, rate = _integrals(modes, res.dt, gravity)
-    step = res.dt[:, None]
+    power, shapes, known = (np.concatenate(x, axis=-1) for x in zip(*parts, strict=True))
+    return power, shapes, known
+
+
+def _powers(
+    velocity: Array, dt: Array, interval: float, gravity: float, spec: ImuSpec | None
+) -> tuple[Array, Array, Array]:
+    m = len(dt)
+    modes = _modes(m, min(LAST_MODE, m // 2))
+    power = np.sum((modes.T @ velocity) ** 2, axis=1)
+    force, rate = _integrals(modes, dt, gravity)
+    step = dt[:, None]
+    # A bounded displacement is in the mean velocity over a stretch with its change there.
+    change = np.diff(modes / step, axis=0, prepend=0.0, append=0.0)
     shapes = np.stack(
-        [(modes**2 / step).sum(axis=0), (force**2 * step).sum(axis=0), (rate**2 * step).sum(axis=0)]
+        [
+            (change**2).sum(axis=0),
+            (modes**2 / step).sum(axis=0),
+            (force**2 * step).sum(axis=0),
+            (rate**2 * step).sum(axis=0),
+        ]
     )
     known = np.zeros(len(power))
     if spec is not None:
         for part, response in ((spec.accelerometer, force), (spec.gyro, rate)):
             # Biases stay out: their residual lies in the modes that are left out.
             noise = replace(part, bias=0.0)
-            for cov in part_covariance(noise, response[:, :, None], res.dt, res.interval).values():
+            for cov in part_covariance(noise, response[:, :, None], dt, interval).values():
                 known += np.diag(cov)
-    return _Powers(power, shapes, known)
+    return power, shapes, known
 
 
 def noise_ratio(res: Residual, gravity: float, spec: ImuSpec) -> float | None:
@@ -143,31 +191,102 @@ def noise_ratio(res: Residual, gravity: float, spec: ImuSpec) -> float | None:
     0.2. Far below one, the instrument is better than its specification. None where it cannot be
     told.
     """
-    found = _powers(res, gravity, spec)
-    if found is None or not np.all(found.known > 0):
+    found = velocity_powers(res.mean[:, :2], res.dt, res.interval, gravity, spec)
+    if found is None or not np.all(found[2] > 0):
         return None
-    return float(np.mean(0.5 * found.power / found.known))
+    return float(np.mean(0.5 * found[0] / found[2]))
 
 
-def _fit(res: Residual, gravity: float, spec: ImuSpec | None) -> Array:
-    """Return the posterior mean of (c, b, a), (3,)."""
-    found = _powers(res, gravity, spec)
-    if found is None:
-        return np.zeros(3)
-    power, shapes = found.power, found.shapes
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """How strong a disturbance is.
+
+    Parameters
+    ----------
+    mean : (s,) float64
+        Posterior mean, for the uncertainty.
+    likely : (s,) float64
+        For weights: nothing where no disturbance is the likelier reading, else the mean.
+    """
+
+    mean: Array
+    likely: Array
+
+
+def posterior(power: Array, shapes: Array, known: Array, freedom: int = 1) -> Levels:
+    """Return the levels of shapes whose sum with `known` makes the powers.
+
+    Half of the prior says that there is nothing but what is known; the other half is spread
+    log-uniformly over levels up to that at which a shape alone makes the powers.
+
+    Parameters
+    ----------
+    power : (k,) float64
+        Power of each mode, the sum of `freedom` independent squares.
+    shapes : (s, k) float64
+        What a unit of each level makes of one square; steepest last, s at most 4.
+    known : (k,) float64
+        What is there anyway.
+    freedom : int
+        Degrees of freedom of a power.
+    """
+    share = power / freedom
     few = LOWEST // 2
-    scale = np.mean(0.5 * power[:few] / shapes[:, :few], axis=1)
-    scale[0] = np.mean(0.5 * power / shapes[0])
+    scale = np.mean(share[:few] / shapes[:, :few], axis=1)
+    scale[:-2] = np.mean(share / shapes[:-2], axis=1)
+    nothing = np.zeros(len(shapes))
     if not np.all(scale > 0):
-        return np.zeros(3)
-    grid = np.stack(
-        [a.ravel() for a in np.meshgrid(*(s * g for s, g in zip(scale, _GRID, strict=True)))]
-    )
-    level = grid.T @ shapes + found.known
-    # East and north share a level: two degrees of freedom to a mode.
-    log = -(np.log(level) + 0.5 * power / level).sum(axis=1)
+        return Levels(nothing, nothing)
+    axes = (s * g for s, g in zip(scale, _GRID[-len(shapes) :], strict=True))
+    grid = np.stack([a.ravel() for a in np.meshgrid(*axes)])
+
+    def fit(level: Array) -> Array:
+        return np.asarray(-0.5 * freedom * (np.log(level) + share / level).sum(axis=-1))
+
+    log = fit(grid.T @ shapes + known)
     weight = np.exp(log - log.max())
-    return np.asarray(grid @ weight / weight.sum())
+    mean = grid @ weight / weight.sum()
+    if not np.all(known > 0):
+        return Levels(mean, mean)
+    odds = np.exp(min(float(fit(known)) - log.max(), 700.0)) / weight.mean()
+    mean = mean / (1.0 + odds)
+    return Levels(mean, nothing if odds > 1.0 else mean)
+
+
+def velocity_levels(found: tuple[Array, Array, Array] | None) -> Levels:
+    """Return the levels of white displacement, velocity, force and rate of `velocity_powers`."""
+    # East and north share a level: two degrees of freedom to a mode.
+    return Levels(np.zeros(4), np.zeros(4)) if found is None else posterior(*found, freedom=2)
+
+
+def disturbance_levels(res: Residual, gravity: float, spec: ImuSpec | None) -> Levels:
+    """Return the levels of white displacement, velocity, force and rate in a residual."""
+    found = velocity_powers(res.mean[:, :2], res.dt, res.interval, gravity, spec)
+    return velocity_levels(found)
+
+
+def angle_powers(angle: Array, dt: Array, noise: Array) -> tuple[Array, Array, Array]:
+    """Return powers, shapes and known part of the modes of a base's turn about one axis.
+
+    A constant and a slope are left out: attitude and heading look like that. The shapes are a
+    bounded turn (white angle) and a wandering one (white rate).
+
+    Parameters
+    ----------
+    angle : (m,) float64
+        Mean turn over each stretch, rad.
+    dt : (m,) float64
+        s.
+    noise : (m, m) float64
+        Covariance that the gyros' noise makes.
+    """
+    m = len(angle)
+    modes = _modes(m, min(LAST_MODE, m // 2), 2)
+    once, _ = _integrals(modes, dt, 1.0)
+    step = dt[:, None]
+    shapes = np.stack([(modes**2 / step).sum(axis=0), (once**2 * step).sum(axis=0)])
+    known = np.einsum("ik,ij,jk->k", modes, noise, modes)
+    return (modes.T @ angle) ** 2, shapes, known
 
 
 def _at_points(w: Weights, instants: Array) -> Array:
@@ -194,18 +313,21 @@ def _at_points(w: Weights, instants: Array) -> Array:
     return out
 
 
-def inertial_disturbance(
-    res: Residual, responses: Responses, site: Site, spec: ImuSpec | None
-) -> Array:
+def inertial_disturbance(res: Residual, levels: Levels, responses: Responses, site: Site) -> Array:
     """Return the covariance of phi (3, 3), rad^2, that the disturbance in the residual makes."""
     w = responses.weights
     assert w is not None
-    c, b, a = _fit(res, site.gravity, spec)
+    d, c, b, a = levels.mean
     # The disturbance is horizontal: up does not enter the level axes to first order.
     local = inertial_to_local(responses.t, site.latitude)[:, :2]
     level = np.einsum("iba,ibc->iac", local, local)
     dt = responses.dt
     out = c * np.einsum("iab,ibc,idc,i->ad", w.block, level, w.block, 1.0 / dt)
+    change = np.diff(w.block / dt[:, None, None], axis=0, prepend=0.0, append=0.0)
+    # At an instant between two stretches the level axes are those of either.
+    level = np.concatenate([level, level[-1:]])
+    out += d * np.einsum("iab,ibc,idc->ad", change, level, change)
+    level = level[:-1]
     out += b * np.einsum("iab,ibc,idc,i->ad", responses.accel, level, responses.accel, dt)
     out += a * np.einsum("iab,idb,i->ad", responses.gyro, responses.gyro, dt)
     return np.asarray(out + _at_points(w, res.instants))

@@ -40,7 +40,7 @@ class History:
 
     Parameters
     ----------
-    rows : (k, 40) float64
+    rows : (k, 44) float64
         In the layout of `schuler.kernels.tracking`.
     start : float
         Time of the start, s.
@@ -55,11 +55,11 @@ class History:
     @classmethod
     def from_state(cls, state: Array, nodes: Array) -> History:
         """Copy the nodes of a tracking kernel and add the last instant when it is not one."""
-        from schuler.kernels.tracking import ROW
+        from schuler.kernels.tracking import PLAIN
 
         rows = nodes[: int(state[73])]
         if state[1] > rows[-1, 1]:
-            rows = np.vstack([rows, state[None, :ROW]])
+            rows = np.vstack([rows, np.concatenate([state[:PLAIN], state[76:80]])])
         return cls(rows.copy(), float(state[40]), int(state[41]))
 
     def __len__(self) -> int:

@@ -1,8 +1,9 @@
 """The Cramér-Rao limit of a static alignment: what no method can beat.
 
 In position i a base at rest reads f = C_i^T (I + [phi x]) g up + nabla and
-w = C_i^T (I + [phi x]) w_ie + eps, with one phi and constant biases for all positions; the turns
-between them are taken as known. The noise of the readings' averages over stretches, correlated
+w = C_i^T (I + [phi x]) w_ie + eps, with one phi and constant biases for all positions. The turns
+between them are known exactly (an indexing table), or as well as the gyros' angle random walk lets
+them be tracked for as long as they take. The noise of the averages over stretches, correlated
 over all of the test by flicker and random walk, is weighted by its inverse covariance. The biases
 have the specification as their prior; phi has none.
 """
@@ -43,12 +44,23 @@ _NAMES = (
 
 @dataclass(frozen=True)
 class Position:
-    """A dwell at an attitude: psi counter-clockwise, pitch and roll in degrees, dwell in s."""
+    """A dwell at an attitude.
+
+    Parameters
+    ----------
+    heading_ccw_deg, pitch_deg, roll_deg : float
+        psi counter-clockwise, pitch and roll.
+    dwell : float
+        s.
+    turn : float
+        How long the gyros track the turn to this position, s; 0 is a turn known exactly.
+    """
 
     heading_ccw_deg: float = 0.0
     pitch_deg: float = 0.0
     roll_deg: float = 0.0
     dwell: float = 300.0
+    turn: float = 0.0
 
     def __post_init__(self) -> None:
         angles = (self.heading_ccw_deg, self.pitch_deg, self.roll_deg)
@@ -56,6 +68,8 @@ class Position:
             raise InputError(f"a position's angles must be finite, got {angles}")
         if not (np.isfinite(self.dwell) and self.dwell > 0):
             raise InputError(f"a position's dwell must be a positive time, got {self.dwell} s")
+        if not (np.isfinite(self.turn) and self.turn >= 0):
+            raise InputError(f"a position's turn must be a time of 0 or more, got {self.turn} s")
 
     @property
     def matrix(self) -> Array:
@@ -122,7 +136,7 @@ def position_limit(
     site : Site
         Latitude and height.
     positions : sequence of Position
-        One after the other; the turns between them take no time and are known exactly.
+        One after the other.
     interval : float
         Sampling interval, s.
 
@@ -141,19 +155,30 @@ def position_limit(
     which, start, dt = _stretches(np.array([p.dwell for p in positions]))
     turned = np.stack([p.matrix.T for p in positions])[which]
     up = np.array([0.0, 0.0, site.gravity])
-    information = np.zeros((9, 9))
+    # What tracking a turn leaves unknown is a rotation of all positions from there on.
+    drift = spec.gyro.white**2 * np.array([p.turn for p in positions])
+    tracked = [k for k in range(1, len(positions)) if drift[k] > 0]
+    size = 9 + 3 * len(tracked)
+    information = np.zeros((size, size))
     for part, signal, column in ((spec.gyro, site.earth_rate, 3), (spec.accelerometer, up, 6)):
-        size = float(np.linalg.norm(signal))
-        h = np.zeros((len(dt), 3, 9))
+        strength = float(np.linalg.norm(signal))
+        h = np.zeros((len(dt), 3, size))
         h[:, :, :3] = -turned @ skew(signal)
+        for k, position in enumerate(tracked):
+            after = which >= position
+            h[after, :, 9 + 3 * k : 12 + 3 * k] = h[after, :, :3]
         h[:, :, column : column + 3] = np.eye(3)
         noise = mean_covariance(part, start, dt, interval)
         # Noise that is negligible beside the bias keeps the inverse in its digits.
-        noise += np.eye(len(dt)) * max(1e-4 * part.bias, 1e-9 * size) ** 2
+        noise += np.eye(len(dt)) * max(1e-4 * part.bias, 1e-9 * strength) ** 2
         information += gls_information(h, noise)
-        bias = max(part.bias, 1e-9 * size)
+        bias = max(part.bias, 1e-9 * strength)
         information[range(column, column + 3), range(column, column + 3)] += 1.0 / bias**2
-    return Limit(float(dt.sum()), covariance_of(information, _NAMES))
+    for k, position in enumerate(tracked):
+        own = range(9 + 3 * k, 12 + 3 * k)
+        information[own, own] += 1.0 / drift[position]
+    names = _NAMES + tuple(f"turn {position}" for position in tracked for _ in range(3))
+    return Limit(float(dt.sum()), covariance_of(information, names)[:9, :9])
 
 
 def limit(spec: ImuSpec, site: Site, duration: float, interval: float = 0.01) -> Array:
@@ -206,7 +231,7 @@ def load_positions(path: str | Path) -> list[Position]:
 
 
 def _position(table: Any, where: str) -> Position:
-    keys = ("heading_ccw_deg", "pitch_deg", "roll_deg", "dwell")
+    keys = ("heading_ccw_deg", "pitch_deg", "roll_deg", "dwell", "turn")
     if not isinstance(table, dict):
         raise InputError(f"{where}: expected a table")
     unknown = set(table) - set(keys)
@@ -217,8 +242,8 @@ def _position(table: Any, where: str) -> Position:
         if key not in table:
             continue
         value = table[key]
-        if key == "dwell":
-            values[key] = parse(value, "time", f"{where}: dwell")
+        if key in ("dwell", "turn"):
+            values[key] = parse(value, "time", f"{where}: {key}")
         elif isinstance(value, bool) or not isinstance(value, int | float):
             raise InputError(f"{where}: {key}: expected a number of degrees, got {value!r}")
         else:

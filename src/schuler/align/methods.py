@@ -14,6 +14,7 @@ __all__ = [
     "METHODS",
     "PREFILTERS",
     "Analytic",
+    "Auto",
     "Inertial",
     "Method",
     "parse_method",
@@ -21,7 +22,7 @@ __all__ = [
     "with_prefilter",
 ]
 
-ESTIMATORS = ("centred", "wahba", "integral-triad", "instants-triad")
+ESTIMATORS = ("centred", "optimal", "wahba", "integral-triad", "instants-triad")
 BASES = ("gravity", "earth-rate")
 
 
@@ -34,9 +35,10 @@ class Inertial:
 
     Parameters
     ----------
-    estimator : {"centred", "wahba", "integral-triad", "instants-triad"}
-        "centred" (default): least squares between all velocity integrals and their theory, both
-        centred, so that an unknown constant velocity drops out. "wahba": the same without
+    estimator : {"centred" (default), "optimal", "wahba", "integral-triad", "instants-triad"}
+        "centred": least squares between all velocity integrals and their theory, both
+        centred, so that an unknown constant velocity drops out. "optimal": the same series and
+        the attitude of the base, weighted by the noise of both. "wahba": as centred without
         centring. "integral-triad": the integrals at the middle and at the end.
         "instants-triad": the specific force at the middle and at the end.
     subsamples : int, optional
@@ -87,10 +89,30 @@ class Analytic:
         return "analytic" if self.base == "gravity" else "analytic-earth-rate"
 
 
-Method = Inertial | Analytic
+@dataclass(frozen=True)
+class Auto:
+    """The method that the record calls for (`schuler.align.choose`).
+
+    Parameters
+    ----------
+    subsamples : int, optional
+        As in `Inertial`.
+    prefilter : Prefilter, optional
+        As in `Inertial`.
+    """
+
+    subsamples: int | None = None
+    prefilter: Prefilter | None = None
+
+    def __str__(self) -> str:
+        return "auto"
+
+
+Method = Inertial | Analytic | Auto
 
 #: the names of the command line and of scenario files
 METHODS: dict[str, Method] = {
+    "auto": Auto(),
     **{name: Inertial(name) for name in ESTIMATORS},
     "analytic": Analytic(),
     "analytic-earth-rate": Analytic("earth-rate"),
@@ -98,7 +120,7 @@ METHODS: dict[str, Method] = {
 
 
 def parse_method(method: str | Method | None) -> Method:
-    """Return the method of a name (`METHODS`); None is the default, centred.
+    """Return the method of a name (`METHODS`); None is the default, auto.
 
     Raises
     ------
@@ -106,8 +128,8 @@ def parse_method(method: str | Method | None) -> Method:
         For an unknown name.
     """
     if method is None:
-        return Inertial()
-    if isinstance(method, (Inertial, Analytic)):
+        return Auto()
+    if isinstance(method, (Inertial, Analytic, Auto)):
         return method
     found = METHODS.get(str(method).strip().lower())
     if found is None:

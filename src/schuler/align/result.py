@@ -60,10 +60,14 @@ class Alignment:
         gives, rad.
     gyro_bias, accel_bias : (3,) float64 or None
         Estimated biases, rad/s and m/s^2; None where the method does not estimate them.
+    bias_covariance : (6, 6) float64 or None
+        Of both, gyros first.
     history : History
         The pass over the record.
     summary : Summary
         What the record looks like.
+    why : str
+        Why the method was chosen, where it was.
     inputs : dict of str to str
         What is needed to do the same again.
     """
@@ -83,8 +87,10 @@ class Alignment:
     orthonormality: float | None
     gyro_bias: Array | None
     accel_bias: Array | None
+    bias_covariance: Array | None
     history: History = field(repr=False)
     summary: Summary = field(repr=False)
+    why: str = ""
     inputs: dict[str, str] = field(default_factory=dict, repr=False)
 
     def noting(self, warnings: Iterable[str], inputs: dict[str, str]) -> Alignment:
@@ -180,6 +186,24 @@ class Alignment:
         """Return the result as JSON text."""
         return json.dumps(self.to_dict(), indent=2, allow_nan=False)
 
+    def _bias_lines(self) -> list[str]:
+        from schuler.constants import DEG_PER_HOUR, MICRO_G
+
+        assert self.gyro_bias is not None
+        assert self.accel_bias is not None
+        assert self.bias_covariance is not None
+        sigma = np.sqrt(np.diag(self.bias_covariance))
+        out = []
+        for name, values, s, unit, text in (
+            ("gyro", self.gyro_bias, sigma[:3], DEG_PER_HOUR, "deg/h"),
+            ("accelerometer", self.accel_bias, sigma[3:], MICRO_G, "ug"),
+        ):
+            each = ", ".join(
+                f"{v / unit:.3g} ± {e / unit:.2g}" for v, e in zip(values, s, strict=True)
+            )
+            out.append(f"{name} bias {each} {text}")
+        return out
+
     def headline(self) -> str:
         """Return ``heading 269.40 deg ± 1.9' (limit 1.7'; 62 % gyro bias)``."""
         inside = []
@@ -205,4 +229,8 @@ class Alignment:
             f"{self.method}, {self.duration:.6g} s, {self.samples} samples, "
             f"attitude at the {self.at} (t = {self.time:.9g} s)",
         ]
+        if self.why:
+            lines.append(f"chosen because {self.why}")
+        if self.gyro_bias is not None and self.accel_bias is not None:
+            lines += self._bias_lines()
         return "\n".join(lines + [f"warning: {text}" for text in self.warnings])

@@ -31,7 +31,9 @@ __all__ = [
     "analytic_responses",
     "inertial_responses",
     "instrument_budget",
+    "mean_attitude",
     "part_covariance",
+    "weighted_responses",
 ]
 
 Array = NDArray[np.float64]
@@ -83,11 +85,45 @@ def middle_attitude(h: History, r: Array) -> Array:
     return np.asarray(r @ quat_to_matrix(mean))
 
 
+def mean_attitude(fine: History, thin: History, r: Array) -> Array:
+    """Return the mean of C_b^i0 (m, 3, 3) over each stretch of a thinned history.
+
+    From the history before thinning, so that a turn within a stretch is followed.
+    """
+    steps = middle_attitude(fine, r) * np.diff(fine.t)[:, None, None]
+    total = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(steps, axis=0)])
+    ends = np.searchsorted(fine.t, thin.t)
+    return np.asarray(np.diff(total[ends], axis=0) / np.diff(thin.t)[:, None, None])
+
+
 def inertial_responses(
     h: History, r: Array, gravity: float, lat: float, estimator: str, at_end: bool
 ) -> Responses:
     """Return the responses of an inertial-frame estimator with the solution `r` = C_ib0^i0."""
     w, h = weights(h, gravity, lat, estimator, BLOCKS)
+    attitude = middle_attitude(h, r)
+    return weighted_responses(h, w, None, attitude, gravity, lat, at_end)
+
+
+def weighted_responses(
+    h: History, w: Weights, angle: Array | None, attitude: Array, gravity: float, lat: float,
+    at_end: bool,
+) -> Responses:  # fmt: skip
+    """Return the responses of an estimate that is linear in velocities and attitudes.
+
+    Parameters
+    ----------
+    h : History
+        Thinned to the stretches of the weights.
+    w : Weights
+        phi_0 from errors of the velocity, in i0.
+    angle : (m, 3, 3) float64, optional
+        phi_0 from errors of the tracked attitude over each stretch, in i0.
+    attitude : (m, 3, 3) float64
+        C_b^i0 over each stretch.
+    gravity, lat, at_end
+        m/s^2, rad, and whether phi is that at the end.
+    """
     dg = np.diff(h.theory(gravity, lat), axis=0)
     # What is added evenly over a stretch is in v at the later ones in full, and in its own mean,
     # taken at the ends of its n updates, by (n + 1) / 2n.
@@ -99,13 +135,15 @@ def inertial_responses(
     force = accel @ skew(dg)
     tail = np.cumsum(force[::-1], axis=0)[::-1] - force
     gyro = -(tail + 0.5 * force)
+    if angle is not None:
+        gyro = gyro + np.cumsum(angle[::-1], axis=0)[::-1] - 0.5 * angle
     if at_end:
         gyro = gyro - np.eye(3)
     c = inertial_to_local(h.duration if at_end else 0.0, lat)
     return Responses(
         0.5 * (h.t[1:] + h.t[:-1]),
         np.diff(h.t),
-        middle_attitude(h, r),
+        attitude,
         c @ gyro,
         c @ accel,
         w.rotated(c),
@@ -143,7 +181,9 @@ def analytic_responses(
 
 
 def _squared(v: Array, weight: Array) -> Array:
-    return np.asarray(np.einsum("iab,icb,i->ac", v, v, weight))
+    m, a, b = v.shape
+    x = (v * np.sqrt(weight)[:, None, None]).transpose(1, 0, 2).reshape(a, m * b)
+    return np.asarray(x @ x.T)
 
 
 def part_covariance(

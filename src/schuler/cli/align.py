@@ -37,9 +37,10 @@ __all__ = ["command"]
 @click.option(
     "--method",
     metavar="NAME",
-    default="centred",
+    default="auto",
     show_default=True,
-    help="centred, wahba, integral-triad, instants-triad, analytic or analytic-earth-rate.",
+    help="auto (by what the record shows), centred, optimal, wahba, integral-triad, "
+    "instants-triad, analytic or analytic-earth-rate.",
 )
 @click.option(
     "--prefilter",

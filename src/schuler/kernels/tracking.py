@@ -13,9 +13,9 @@ Coning and sculling: one sample with the one before it, or two, three or four sa
 update, with the compressed coefficients of Miller (1983), Ignagni (1996) and Savage (1998).
 The velocity's rotation correction is exact for a constant rate, not cut after its first term.
 
-The first `ROW` numbers of the state are cumulative and have the layout of a node, a snapshot
-taken every so many updates. When the table of nodes is full every other one is dropped and the
-spacing doubles, so that memory is constant for any length and any chunking.
+The first 40 numbers of the state are cumulative; they and the sum of q are a node, a snapshot
+taken every so many updates (`_snapshot`). When the table of nodes is full every other one is
+dropped and the spacing doubles, so that memory is constant for any length and any chunking.
 
 ===== ==========================================================
 0     time since the start, s
@@ -32,6 +32,7 @@ spacing doubles, so that memory is constant for any length and any chunking.
 42-44 dtheta before, 45-47 dvel before
 48    samples waiting, 49-72 the waiting samples
 73    nodes, 74 updates to a node, 75 updates since the last node
+76-79 sum of q_b^ib0 (40-43 of a node)
 ===== ==========================================================
 """
 
@@ -44,7 +45,12 @@ from schuler.kernels._jit import helper, kernel
 from schuler.kernels.quat import qexp, qmul, qrotate, rotation_averages
 from schuler.kernels.vec import Vec, add, axpy, cross
 
-ROW = 40
+PLAIN = 40
+"""Cumulative numbers at the state's head."""
+
+ROW = 44
+"""Size of a node: those, and the sum of q."""
+
 STATE_SIZE = 80
 NODE_CAPACITY = 4097
 """Odd, so that dropping every other node keeps the first and the last."""
@@ -56,6 +62,15 @@ def gravity_basis(t: float) -> Vec:
     a = EARTH_RATE * t
     s = math.sin(0.5 * a)
     return math.sin(a) / EARTH_RATE, 2.0 * s * s / EARTH_RATE, t
+
+
+@helper
+def _snapshot(state, node):
+    """Fill a node (ROW,) from the state."""
+    for c in range(PLAIN):
+        node[c] = state[c]
+    for c in range(4):
+        node[PLAIN + c] = state[76 + c]
 
 
 @helper
@@ -115,7 +130,7 @@ def track(state, nodes, n_sub, coning, sculling, time, dt, dtheta, dvel):
     if state[41] == 0.0 and time.shape[0] > 0:
         state[40] = time[0] - dt[0]
         state[73] = 1.0
-        nodes[0, :ROW] = state[:ROW]
+        _snapshot(state, nodes[0])
     s = state
     for i in range(time.shape[0]):
         gx, gy, gz = dtheta[i, 0], dtheta[i, 1], dtheta[i, 2]
@@ -187,13 +202,14 @@ def track(state, nodes, n_sub, coning, sculling, time, dt, dtheta, dvel):
         s[27] += b1 * b1
         s[28] += b1 * b2
         s[29] += b2 * b2
+        for c in range(4):
+            s[76 + c] += s[2 + c]
 
         s[75] += 1.0
         if s[75] >= s[74]:
             s[75] = 0.0
             n = int(s[73])
-            for c in range(ROW):
-                nodes[n, c] = s[c]
+            _snapshot(s, nodes[n])
             n += 1
             if n == nodes.shape[0]:
                 for h in range(1, n // 2 + 1):

@@ -1,0 +1,352 @@
+"""The optimal linear estimate of attitude and biases: all that the record tells, weighted.
+
+Two series see the same small attitude error phi_0 (in i0): the velocity that the force makes in
+the frame that the gyros hold, which gravity's turn bends, and the attitude of the base itself as
+the gyros carry it, which for a base at rest must not drift against the local level. Averaged over
+stretches, both are linear in phi_0, in the biases of gyros and accelerometers, and in a few
+constants that are not known (the velocity at the start, the attitude of each dwell). The noise of
+both is known as well: what the specification says of the instrument, common to both, what the
+vehicle's motion adds to the velocity, and how the base turns. Generalised least squares, with the
+specified biases as the prior, is then the best that any linear method can do.
+
+How much the attitude of the base may be trusted is read from the record: the powers of its modes
+above the straight line, beside what the gyros' noise makes of them. On a base at rest the estimate
+is as good as the plain mean of the gyros; on a rocking one this series has no weight, and gravity
+alone is left. A unit that is turned between dwells shows its biases.
+
+Source: Gauss-Markov theorem (Aitken, 1935) on the linearised inertial-frame equations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.align.disturbance import (
+    Levels,
+    angle_powers,
+    posterior,
+    velocity_levels,
+    velocity_powers,
+)
+from schuler.align.dwells import find_dwells
+from schuler.align.history import History, Rows, gravity_direction, inertial_to_local
+from schuler.align.inertial import Weights, solve
+from schuler.align.uncertainty import mean_attitude, part_covariance
+from schuler.attitude import (
+    matrix_to_quat,
+    multiply,
+    quat_to_matrix,
+    quat_to_rotvec,
+    rotvec_to_quat,
+    skew,
+)
+from schuler.constants import DEG_PER_HOUR, MICRO_G
+from schuler.earth import Site
+from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
+
+__all__ = ["Joint", "joint"]
+
+Array = NDArray[np.float64]
+
+BLOCKS = 128
+"""Stretches into which a history is thinned."""
+
+PARTS = 4
+"""Parts of a stretch in which its noise is looked at."""
+
+LARGEST = 0.05
+"""Turn of the base (rad) within a dwell beyond which its attitude is not taken for a constant."""
+
+_FREE_GYRO, _FREE_ACCEL = 1e-6 * DEG_PER_HOUR, 1e-3 * MICRO_G
+"""Biases (1 sigma) of an instrument that is not known to have any."""
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """The optimal estimate.
+
+    Parameters
+    ----------
+    rotation : (3, 3) float64
+        R = C_ib0^i0.
+    biases : (6,) float64
+        Of gyros (rad/s) and accelerometers (m/s^2), body axes.
+    covariance : (9, 9) float64
+        Of phi_0 (in i0) and the biases.
+    weights : Weights
+        phi_0 from errors of the velocity.
+    angle : (m, 3, 3) float64
+        phi_0 from errors of the attitude, in i0, over each stretch.
+    sway : (3, 3) float64
+        Covariance of phi_0 that the base's own turning makes, rad^2.
+    levels : Levels
+        Of the motion in the velocity (`disturbance_levels`).
+    history : History
+        Thinned to the stretches.
+    attitude : (m, 3, 3) float64
+        C_b^i0, the mean over each stretch.
+    dwells : tuple of (int, int)
+        Stretches [begin, end) in which the unit was not turned.
+    share : float
+        Part of the information on phi_0 about the vertical that the attitude of the base gives.
+    """
+
+    rotation: Array
+    biases: Array
+    covariance: Array
+    weights: Weights
+    angle: Array
+    sway: Array
+    levels: Levels
+    history: History
+    attitude: Array
+    dwells: tuple[tuple[int, int], ...]
+    share: float
+
+    @property
+    def still(self) -> bool:
+        """Whether the attitude of the base says more of the heading than gravity does."""
+        return self.share > 0.5
+
+
+def _noise(
+    part: GyroSpec | AccelerometerSpec, response: Array, dt: Array, interval: float
+) -> Array:
+    """Return the covariance (a, a) of quantities that answer to increments by (a, m)."""
+    found = part_covariance(replace(part, bias=0.0), response.T[:, :, None], dt, interval)
+    return np.asarray(sum(found.values(), np.zeros((len(response), len(response)))))
+
+
+def _turns(q: Array, r: Array, local: Array, dwells: tuple[tuple[int, int], ...]) -> Array:
+    """Return the turn (m, 3) from the middle attitude of each dwell, east, north, up, rad."""
+    attitude = multiply(matrix_to_quat(local @ r), q)
+    out = np.zeros((len(q), 3))
+    for begin, end in dwells:
+        back = attitude[(begin + end) // 2] * [1.0, -1.0, -1.0, -1.0]
+        part = attitude[begin:end]
+        out[begin:end] = quat_to_rotvec(multiply(part, np.broadcast_to(back, part.shape)))
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Series:
+    """Both series: how they answer to the unknowns, and their noise.
+
+    Parameters
+    ----------
+    design : (5, m, n) float64
+        Attitude about east, north and up, velocity east and north; columns as `_COLUMNS` says.
+    gyro : (2m, 2m) float64
+        Covariance of attitude and velocity from the gyros' noise about one axis.
+    force, sway : (m, m), (3, m, m) float64
+        Covariance of the velocity and of the attitude from all else.
+    mean_sway : (3, m, m) float64
+        The same of the attitude by the posterior mean, for the uncertainty.
+    attitude_rows, velocity_rows : (k,) int64
+        Stretches that are used.
+    """
+
+    design: Array
+    gyro: Array
+    force: Array
+    sway: Array
+    mean_sway: Array
+    attitude_rows: Rows
+    velocity_rows: Rows
+
+
+_COLUMNS = 11
+"""phi_0 (3), gyro bias (3), accelerometer bias (3), velocity east and north in the middle; then
+the attitude of each dwell (3)."""
+
+
+def joint(h: History, site: Site, spec: ImuSpec | None) -> Joint:
+    """Return the optimal estimate of a history.
+
+    Parameters
+    ----------
+    h : History
+    site : Site
+    spec : ImuSpec or None
+        The instrument; without one all noise is read from the record, and biases are taken for
+        nothing.
+
+    Raises
+    ------
+    InputError
+        As `schuler.align.inertial.solve`.
+    """
+    g, lat = site.gravity, site.latitude
+    r = solve(h, g, lat, "centred")
+    fine = h
+    h, _ = h.thin(BLOCKS)
+    dt, t = np.diff(h.t), 0.5 * (h.t[1:] + h.t[:-1])
+    local = inertial_to_local(t, lat)
+    theory = g * gravity_direction(lat) * h.block_means(slice(12, 15))
+    velocity = h.block_means(slice(9, 12))
+    q = h.block_means(slice(40, 44))
+    size = np.linalg.norm(q, axis=1)
+    # Half a turn within a stretch leaves no mean: such a stretch is no part of a dwell.
+    q = q / np.maximum(size, 1e-9)[:, None]
+    dwells = find_dwells(q, size > 0.999)
+    attitude = mean_attitude(fine, h, r)
+    m = len(dt)
+    e = np.einsum("iab,ib->ia", local[:, :2], velocity @ r.T - theory)
+    interval = h.duration / max(h.samples, 1)
+    levels = velocity_levels(velocity_powers(e, dt, interval, g, spec, dwells))
+    turns = _turns(q, r, local, dwells)
+    series = _series(h, site, spec, levels, local, attitude, turns, dwells)
+    gain_a, gain_v, covariance = _gains(series, spec)
+    biases = np.zeros(6)
+    # Errors are phi^2, so a second step leaves nothing.
+    for _ in range(2):
+        e = np.einsum("iab,ib->ia", local[:, :2], velocity @ r.T - theory)
+        found = np.einsum("iab,ib->a", gain_v, e)
+        found += np.einsum("iab,ib->a", gain_a, _turns(q, r, local, dwells))
+        biases = found[3:]
+        r = np.asarray(quat_to_matrix(rotvec_to_quat(found[:3])) @ r)
+    spread = sum(
+        (gain_a[:, :3, k].T @ series.mean_sway[k] @ gain_a[:, :3, k] for k in range(3)),
+        np.zeros((3, 3)),
+    )
+    w = Weights(
+        np.zeros(1, np.int64), np.zeros((1, 3, 3)), np.zeros(1, np.int64),
+        -gain_v[:, :3] @ local[:, :2],
+    )  # fmt: skip
+    return Joint(
+        r, biases, covariance, w, -gain_a[:, :3] @ local, np.asarray(spread), levels, h, attitude,
+        dwells, _share(series, gain_a, gain_v, local[m // 2, 2]),
+    )  # fmt: skip
+
+
+def _share(series: _Series, gain_a: Array, gain_v: Array, up: Array) -> float:
+    """Return how much of a turn about the vertical the estimate takes from the attitude series."""
+    signal = series.design[:, :, :3] @ up
+    angle = np.einsum("a,iab,bi->", up, gain_a[:, :3], signal[:3])
+    velocity = np.einsum("a,iab,bi->", up, gain_v[:, :3], signal[3:])
+    return float(angle / (angle + velocity))
+
+
+def _series(
+    h: History, site: Site, spec: ImuSpec | None, levels: Levels, local: Array, attitude: Array,
+    turns: Array, dwells: tuple[tuple[int, int], ...],
+) -> _Series:  # fmt: skip
+    g, lat = site.gravity, site.latitude
+    dt = np.diff(h.t)
+    m = len(dt)
+    interval = h.duration / max(h.samples, 1)
+    once = np.tril(np.ones((m, m)), -1) + 0.5 * np.eye(m)
+    walk, double, short = _responses(dt)
+    stacked = np.vstack([walk, g * double])
+
+    # What the vehicle's motion and the instrument make of the series.
+    d, c, b, a = levels.likely
+    change = np.diff(np.eye(m), axis=1, prepend=0.0, append=0.0) / dt[:, None]
+    wander = (walk * short) @ walk.T
+    force = d * change @ change.T + np.diag(c / dt) + b * wander
+    gyro = a * (stacked * short) @ stacked.T
+    if spec is not None:
+        force += _noise(spec.accelerometer, walk, short, interval)
+        gyro += _noise(spec.gyro, stacked, short, interval)
+
+    # Dwells whose attitude is steady enough to say something.
+    steady = [d for d in dwells if d[1] - d[0] > 8 and np.abs(turns[d[0] : d[1]]).max() < LARGEST]
+    sway = np.zeros((2, 3, m, m))
+    for axis in range(3) if steady else ():
+        parts = [angle_powers(turns[i:j, axis], dt[i:j], gyro[i:j, i:j]) for i, j in steady]
+        power, shapes, known = (np.concatenate(x, axis=-1) for x in zip(*parts, strict=True))
+        level = posterior(power, shapes, known)
+        for k, (white, walking) in enumerate((level.likely, level.mean)):
+            sway[k, axis] = np.diag(white / dt) + walking * wander
+
+    theta = _carried(once, attitude * dt[:, None, None])
+    # A turned frame takes the force with it: theta x f.
+    bend = _carried(once, -skew(np.diff(h.theory(g, lat), axis=0)) @ theta)
+    theory = g * gravity_direction(lat) * h.block_means(slice(12, 15))
+    design = np.zeros((5, m, _COLUMNS + 3 * len(dwells)))
+    level_axes = local[:, :2]
+    design[:3, :, :3] = -local.transpose(1, 0, 2)
+    design[:3, :, 3:6] = (local @ theta).transpose(1, 0, 2)
+    for k, (begin, end) in enumerate(dwells):
+        for axis in range(3):
+            design[axis, begin:end, _COLUMNS + 3 * k + axis] = 1.0
+    design[3:, :, :3] = (level_axes @ skew(theory)).transpose(1, 0, 2)
+    design[3:, :, 3:6] = (level_axes @ bend).transpose(1, 0, 2)
+    design[3:, :, 6:9] = (level_axes @ theta).transpose(1, 0, 2)
+    design[3:, :, 9:11] = (level_axes @ local[m // 2].T[:, :2]).transpose(1, 0, 2)
+    none = np.zeros(0, np.int64)
+    return _Series(
+        design, gyro, force, sway[0], sway[1],
+        np.concatenate([none, *(np.arange(i, j) for i, j in steady)]),
+        np.concatenate([none, *(np.arange(i, j) for i, j in dwells)]) if dwells else np.arange(m),
+    )  # fmt: skip
+
+
+def _responses(dt: Array) -> tuple[Array, Array, Array]:
+    """Return how means over stretches answer to increments, once and twice summed.
+
+    The increments are those of the stretches' parts: summed over whole ones, a random walk would
+    have no noise at the highest frequency, and least squares would trust it there without end.
+
+    Returns
+    -------
+    (m, k), (m, k), (k,) float64
+        Responses, and the lengths of the parts, s.
+    """
+    short = np.repeat(dt / PARTS, PARTS)
+    once = np.tril(np.ones((len(short), len(short))), -1) + 0.5 * np.eye(len(short))
+    twice = (once * short) @ once
+    shape = (len(dt), PARTS, len(short))
+    return once.reshape(shape).mean(axis=1), twice.reshape(shape).mean(axis=1), short
+
+
+def _carried(once: Array, steps: Array) -> Array:
+    """Return the mean over each stretch of the running sum of steps (m, 3, 3)."""
+    return np.asarray((once @ steps.reshape(len(steps), 9)).reshape(steps.shape))
+
+
+def _gains(series: _Series, spec: ImuSpec | None) -> tuple[Array, Array, Array]:
+    """Return what a unit of attitude (m, 9, 3) and of velocity (m, 9, 2) makes of the unknowns.
+
+    And the covariance (9, 9) of phi_0 and the biases.
+    """
+    m, n = series.design.shape[1:]
+    information = np.zeros((n, n))
+    free = (_FREE_GYRO, _FREE_ACCEL)
+    sigma = free if spec is None else np.maximum((spec.gyro.bias, spec.accelerometer.bias), free)
+    prior = np.repeat(1.0 / np.square(sigma), 3)
+    information[range(3, 9), range(3, 9)] = prior
+    groups: list[tuple[int, Rows, int, Rows, Array]] = []
+    none = np.zeros(0, np.int64)
+    # A turn about east takes the force north and a turn about north takes it west; a turn about
+    # up takes it nowhere. So the series fall into three independent groups.
+    for turn, move, sign in ((0, 4, -1.0), (1, 3, 1.0), (2, 3, 0.0)):
+        rows_a, rows_v = series.attitude_rows, series.velocity_rows if sign else none
+        pick = np.concatenate([rows_a, m + rows_v])
+        if not len(pick):
+            continue
+        flip = np.repeat([1.0, sign], m)[pick]
+        noise = series.gyro[np.ix_(pick, pick)] * np.outer(flip, flip)
+        k = len(rows_a)
+        noise[:k, :k] += series.sway[turn][np.ix_(rows_a, rows_a)]
+        noise[k:, k:] += series.force[np.ix_(rows_v, rows_v)]
+        # A noise that is said to be nothing must not leave the inverse without digits.
+        noise[np.diag_indices(len(pick))] *= 1.0 + 1e-9
+        noise[np.diag_indices(len(pick))] += 1e-24
+        jacobian = np.concatenate([series.design[turn][rows_a], series.design[move][rows_v]])
+        weighted = np.linalg.solve(noise, jacobian).T
+        information += weighted @ jacobian
+        groups.append((turn, rows_a, move - 3, rows_v, weighted))
+    seen = np.diag(information) > 0
+    scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, np.diag(information), 1.0)), 0.0)
+    scaled = information * np.outer(scale, scale) + np.diag(1.0 - seen)
+    inverse = np.linalg.inv(scaled) * np.outer(scale, scale)
+    gain_a, gain_v = np.zeros((m, 9, 3)), np.zeros((m, 9, 2))
+    for turn, rows_a, move, rows_v, weighted in groups:
+        gain = (inverse[:9] @ weighted).T
+        gain_a[rows_a, :, turn] = gain[: len(rows_a)]
+        gain_v[rows_v, :, move] = gain[len(rows_a) :]
+    return gain_a, gain_v, inverse[:9, :9]
