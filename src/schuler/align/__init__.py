@@ -12,12 +12,14 @@ from schuler.align.budget import (
 )
 from schuler.align.convergence import Convergence, convergence
 from schuler.align.disturbance import Residual, residual
+from schuler.align.fine import FinePass
 from schuler.align.limit import Limit, Position, limit, load_positions, position_limit
 from schuler.align.methods import (
     METHODS,
     PREFILTERS,
     Analytic,
     Auto,
+    Fine,
     Inertial,
     Method,
     parse_method,
@@ -35,6 +37,8 @@ __all__ = [
     "Analytic",
     "Auto",
     "Convergence",
+    "Fine",
+    "FinePass",
     "Inertial",
     "Limit",
     "Method",

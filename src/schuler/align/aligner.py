@@ -17,11 +17,20 @@ from schuler.align.disturbance import (
     noise_ratio,
     residual,
 )
+from schuler.align.fine import FinePass, fine_alignment
 from schuler.align.history import History, inertial_to_local
 from schuler.align.inertial import MINIMUM_ROWS, solve
-from schuler.align.joint import Joint, joint
+from schuler.align.joint import joint
 from schuler.align.limit import limit
-from schuler.align.methods import Analytic, Auto, Inertial, Method, parse_method, with_prefilter
+from schuler.align.methods import (
+    Analytic,
+    Auto,
+    Fine,
+    Inertial,
+    Method,
+    parse_method,
+    with_prefilter,
+)
 from schuler.align.result import Alignment
 from schuler.align.uncertainty import (
     analytic_responses,
@@ -62,14 +71,16 @@ class Estimate:
     that is surely quieter than its instrument is said to be has its white noise scaled down.
     """
 
-    method: Inertial | Analytic
+    method: Inertial | Analytic | Fine
     attitude: Array
     budget: dict[str, Array]
     orthonormality: float | None
     noise_ratio: float | None
     spec: ImuSpec | None
-    joint: Joint | None = None
+    biases: Array | None = None
+    bias_covariance: Array | None = None
     why: str = ""
+    passed: FinePass | None = None
 
     @property
     def covariance(self) -> Array:
@@ -78,7 +89,7 @@ class Estimate:
 
 
 def estimate(
-    h: History, site: Site, method: Method, spec: ImuSpec | None, at_end: bool
+    h: History, site: Site, method: Inertial | Analytic | Auto, spec: ImuSpec | None, at_end: bool
 ) -> Estimate:
     """Return the attitude of a history and its covariance by source."""
     if len(h) < MINIMUM_ROWS:
@@ -89,6 +100,7 @@ def estimate(
     orthonormality = None
     ratio = None
     why = ""
+    biases = bias_covariance = None
     if isinstance(method, Auto):
         method, why = choose(h, site, spec, method.subsamples)
     if isinstance(method, Inertial):
@@ -98,12 +110,12 @@ def estimate(
             if ratio is not None and ratio < _QUIET:
                 spec = spec.with_white_noise(np.sqrt(ratio))
         sway = np.zeros((3, 3))
-        seen = None
         if method.estimator == "optimal":
             best = joint(h, site, spec)
             r, sway, levels = best.rotation, best.sway, best.levels
-            # One dwell shows no bias apart from the attitude.
-            seen = best if spec is not None and len(best.dwells) != 1 else None
+            if spec is not None and len(best.dwells) != 1:
+                # One dwell shows no bias apart from the attitude.
+                biases, bias_covariance = best.biases, best.covariance[3:, 3:]
             responses = weighted_responses(
                 best.history, best.weights, best.angle, best.attitude, site.gravity,
                 site.latitude, at_end,
@@ -120,7 +132,6 @@ def estimate(
         c = inertial_to_local(when, site.latitude)
         disturbance = inertial_disturbance(left, levels, responses, site) + c @ sway @ c.T
     else:
-        seen = None
         angle, velocity = h.increments()
         attitude, orthonormality = analytic_attitude(
             angle / h.duration, velocity / h.duration, site, method.base
@@ -131,7 +142,9 @@ def estimate(
     mean_rate, mean_force = angle / h.duration, velocity / h.duration
     budget = instrument_budget(responses, spec, mean_rate, mean_force) if spec else {}
     budget["disturbance"] = disturbance
-    return Estimate(method, attitude, budget, orthonormality, ratio, spec, seen, why)
+    return Estimate(
+        method, attitude, budget, orthonormality, ratio, spec, biases, bias_covariance, why
+    )
 
 
 class Aligner:
@@ -194,7 +207,9 @@ class Aligner:
     @property
     def samples(self) -> int:
         """Samples taken so far."""
-        return int(self._state[41]) + sum(len(chunk) for chunk in self._held)
+        if self.method.prefilter is not None:
+            return sum(len(chunk) for chunk in self._held)
+        return int(self._state[41])
 
     def update(self, chunk: ImuRecord) -> Aligner:
         """Take a chunk that follows the last one; return self.
@@ -214,6 +229,8 @@ class Aligner:
         if self.method.prefilter is not None:
             self._held.append(chunk)
             return self
+        if isinstance(self.method, Fine):
+            self._held.append(chunk)
         if not self._subsamples:
             self._open(chunk)
         elif chunk.time[0] <= self._tail[0][-1]:
@@ -269,6 +286,19 @@ class Aligner:
         )  # fmt: skip
         return History.from_state(state, nodes)
 
+    def _estimate(self, h: History) -> Estimate:
+        at_end = self.at == "end"
+        if not isinstance(self.method, Fine):
+            return estimate(h, self.site, self.method, self.spec, at_end)
+        record = ImuRecord.concatenate(self._held)
+        fine = fine_alignment(record, h, self.site, self.method, self.spec, at_end)
+        known = self.spec is not None
+        return Estimate(
+            self.method, fine.attitude, fine.budget, None, None, self.spec,
+            fine.biases if known else None, fine.bias_covariance if known else None,
+            passed=fine.passed,
+        )  # fmt: skip
+
     def _prefiltered(self) -> Alignment:
         """Filter what is held, and align the result as a record of its own."""
         assert self.method.prefilter is not None
@@ -297,7 +327,7 @@ class Aligner:
         ratio = summary.steady_force(self.site.gravity) / self.site.gravity
         if hints and not 0.9 < ratio < 1.1:
             raise InputError(f"{self._name}: {hints[0]} (an alignment needs the force at rest)")
-        found = estimate(h, self.site, self.method, self.spec, self.at == "end")
+        found = self._estimate(h)
         warnings = [*self._quality, *hints]
         bound = None
         if self.spec is None:
@@ -331,12 +361,13 @@ class Aligner:
             warnings=tuple(warnings),
             spec=found.spec,
             orthonormality=found.orthonormality,
-            gyro_bias=None if found.joint is None else found.joint.biases[:3],
-            accel_bias=None if found.joint is None else found.joint.biases[3:],
-            bias_covariance=None if found.joint is None else found.joint.covariance[3:, 3:],
+            gyro_bias=None if found.biases is None else found.biases[:3],
+            accel_bias=None if found.biases is None else found.biases[3:],
+            bias_covariance=found.bias_covariance,
             history=h,
             summary=summary,
             why=found.why,
+            passed=found.passed,
             inputs={"record": self._name},
         )
 
@@ -378,4 +409,4 @@ def align(
 
 
 # A method that is not in the union would fall through `estimate`'s branches unseen.
-assert set(Method.__args__) == {Inertial, Analytic, Auto}
+assert set(Method.__args__) == {Inertial, Analytic, Auto, Fine}

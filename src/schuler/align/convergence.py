@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.align.aligner import estimate
+from schuler.align.fine import FinePass
 from schuler.align.inertial import MINIMUM_ROWS
+from schuler.align.methods import Fine
 from schuler.align.result import Alignment
 from schuler.attitude import matrix_to_quat, psi_to_heading, quat_to_euler
 from schuler.constants import ARCMIN, DEG
@@ -45,6 +47,9 @@ def convergence(fix: Alignment, points: int = 60) -> Convergence:
     points : int
         At most so many, spaced evenly in the logarithm of time from a hundredth of the span.
     """
+    if fix.passed is not None:
+        return _of_filter(fix.passed, points)
+    assert not isinstance(fix.method, Fine)
     h = fix.history
     wanted = np.geomspace(0.01 * h.duration, h.duration, points)
     rows = np.unique(np.clip(np.searchsorted(h.t, wanted - 1e-9), MINIMUM_ROWS, len(h) - 1))
@@ -63,3 +68,12 @@ def convergence(fix: Alignment, points: int = 60) -> Convergence:
     # Unwrap towards the final value, which is the one in [0, 360).
     heading = heading[-1] + (heading - heading[-1] + 180.0) % 360.0 - 180.0
     return Convergence(t, heading, sigma_arcmin)
+
+
+def _of_filter(passed: FinePass, points: int) -> Convergence:
+    """Return what a filter said on its way."""
+    last = len(passed.t) - 1
+    rows = np.unique(np.round(np.geomspace(1, last + 1, points)).astype(np.int64)) - 1
+    heading = psi_to_heading(quat_to_euler(passed.quaternion[rows])[:, 0]) / DEG
+    heading = heading[-1] + (heading - heading[-1] + 180.0) % 360.0 - 180.0
+    return Convergence(passed.t[rows], heading, passed.sigma[rows, 2] / ARCMIN)

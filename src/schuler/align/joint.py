@@ -92,6 +92,10 @@ class Joint:
         Stretches [begin, end) in which the unit was not turned.
     share : float
         Part of the information on phi_0 about the vertical that the attitude of the base gives.
+    sway_levels : (3, 2) float64
+        Levels of a bounded and of a wandering turn of the base about east, north and up.
+    steady : bool
+        Whether the unit is on one base all the time.
     """
 
     rotation: Array
@@ -105,6 +109,8 @@ class Joint:
     attitude: Array
     dwells: tuple[tuple[int, int], ...]
     share: float
+    sway_levels: Array
+    steady: bool
 
     @property
     def still(self) -> bool:
@@ -145,6 +151,8 @@ class _Series:
         Covariance of the velocity and of the attitude from all else.
     mean_sway : (3, m, m) float64
         The same of the attitude by the posterior mean, for the uncertainty.
+    sway_levels : (3, 2) float64
+        Its levels.
     attitude_rows, velocity_rows : (k,) int64
         Stretches that are used.
     """
@@ -154,6 +162,7 @@ class _Series:
     force: Array
     sway: Array
     mean_sway: Array
+    sway_levels: Array
     attitude_rows: Rows
     velocity_rows: Rows
 
@@ -218,7 +227,8 @@ def joint(h: History, site: Site, spec: ImuSpec | None) -> Joint:
     )  # fmt: skip
     return Joint(
         r, biases, covariance, w, -gain_a[:, :3] @ local, np.asarray(spread), levels, h, attitude,
-        dwells, _share(series, gain_a, gain_v, local[m // 2, 2]),
+        dwells, _share(series, gain_a, gain_v, local[m // 2, 2]), series.sway_levels,
+        dwells == ((0, m),) and len(series.attitude_rows) > 0,
     )  # fmt: skip
 
 
@@ -255,10 +265,12 @@ def _series(
     # Dwells whose attitude is steady enough to say something.
     steady = [d for d in dwells if d[1] - d[0] > 8 and np.abs(turns[d[0] : d[1]]).max() < LARGEST]
     sway = np.zeros((2, 3, m, m))
+    levels_of_sway = np.zeros((3, 2))
     for axis in range(3) if steady else ():
         parts = [angle_powers(turns[i:j, axis], dt[i:j], gyro[i:j, i:j]) for i, j in steady]
         power, shapes, known = (np.concatenate(x, axis=-1) for x in zip(*parts, strict=True))
         level = posterior(power, shapes, known)
+        levels_of_sway[axis] = level.mean
         for k, (white, walking) in enumerate((level.likely, level.mean)):
             sway[k, axis] = np.diag(white / dt) + walking * wander
 
@@ -279,7 +291,7 @@ def _series(
     design[3:, :, 9:11] = (level_axes @ local[m // 2].T[:, :2]).transpose(1, 0, 2)
     none = np.zeros(0, np.int64)
     return _Series(
-        design, gyro, force, sway[0], sway[1],
+        design, gyro, force, sway[0], sway[1], levels_of_sway,
         np.concatenate([none, *(np.arange(i, j) for i, j in steady)]),
         np.concatenate([none, *(np.arange(i, j) for i, j in dwells)]) if dwells else np.arange(m),
     )  # fmt: skip

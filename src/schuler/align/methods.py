@@ -15,6 +15,7 @@ __all__ = [
     "PREFILTERS",
     "Analytic",
     "Auto",
+    "Fine",
     "Inertial",
     "Method",
     "parse_method",
@@ -108,12 +109,98 @@ class Auto:
         return "auto"
 
 
-Method = Inertial | Analytic | Auto
+@dataclass(frozen=True)
+class Fine:
+    """A Kalman filter over the whole record, which is held in memory.
+
+    Parameters
+    ----------
+    states : {10, 12, 15}
+        10: level velocities, phi, level accelerometer biases and gyro biases, as Fang and Wan
+        (1996); 12: all three velocities and accelerometer biases; 15: displacement as well.
+    measurement : {"displacement", "velocity", "force"}
+        What is known to be nothing: the displacement (bounded, so the strongest), the velocity,
+        or the horizontal force.
+    coloured : bool
+        Take the vehicle's displacement for a Gauss-Markov motion instead of white noise.
+    motion_time : float
+        Its correlation time, s.
+    base : bool
+        Use that the base does not turn, as far as the record shows it.
+    lever : bool
+        Estimate the lever arm from the point that does not move.
+    robust : {None, "huber", "igg3"}
+        Weigh down, or refuse, measurements that are far off.
+    adaptive : bool
+        Follow the measurement noise by the innovations.
+    azimuth : {"small", "large"}
+        "large": level axes of unknown azimuth, linear for any; no start is needed.
+    feedback : bool
+        Correct attitude, velocity and biases after each step.
+    passes : int
+        Odd; passes forward, backward, forward ... of which the last one counts.
+    step : float
+        Time between measurements, s.
+    noise : float, optional
+        Sigma of what is measured: m, m/s or m/s^2; read from the record when not given.
+    prefilter : Prefilter, optional
+        As in `Inertial`.
+    """
+
+    states: int = 15
+    measurement: str = "displacement"
+    coloured: bool = False
+    motion_time: float = 0.5
+    base: bool = True
+    lever: bool = False
+    robust: str | None = None
+    adaptive: bool = False
+    azimuth: str = "small"
+    feedback: bool = True
+    passes: int = 1
+    step: float = 1.0
+    noise: float | None = None
+    prefilter: Prefilter | None = None
+
+    def __post_init__(self) -> None:
+        for name, value, known in (
+            ("states", self.states, (10, 12, 15)),
+            ("measurement", self.measurement, ("displacement", "velocity", "force")),
+            ("robust", self.robust, (None, "huber", "igg3")),
+            ("azimuth", self.azimuth, ("small", "large")),
+        ):
+            if value not in known:
+                raise InputError(f"{name} must be one of {', '.join(map(str, known))}, got {value}")
+        if self.measurement == "displacement" and self.states != 15:
+            raise InputError("a displacement is measured with 15 states")
+        if self.coloured and self.measurement != "displacement":
+            raise InputError("a coloured motion is one of the displacement")
+        if self.passes < 1 or self.passes % 2 == 0:
+            raise InputError(f"passes must be odd (forward last), got {self.passes}")
+        if not (self.step > 0 and self.motion_time > 0):
+            raise InputError("step and motion_time must be positive times")
+        if self.noise is not None and not self.noise > 0:
+            raise InputError(f"noise must be positive, got {self.noise}")
+
+    def __str__(self) -> str:
+        if self.azimuth == "large":
+            return "kalman-large"
+        if self.measurement == "displacement":
+            return "kalman"
+        return "kalman-10" if self.states == 10 else f"kalman-{self.measurement}"
+
+
+Method = Inertial | Analytic | Auto | Fine
 
 #: the names of the command line and of scenario files
 METHODS: dict[str, Method] = {
     "auto": Auto(),
     **{name: Inertial(name) for name in ESTIMATORS},
+    "kalman": Fine(),
+    "kalman-velocity": Fine(12, "velocity"),
+    "kalman-10": Fine(10, "velocity"),
+    "kalman-force": Fine(12, "force"),
+    "kalman-large": Fine(azimuth="large"),
     "analytic": Analytic(),
     "analytic-earth-rate": Analytic("earth-rate"),
 }
@@ -129,7 +216,7 @@ def parse_method(method: str | Method | None) -> Method:
     """
     if method is None:
         return Auto()
-    if isinstance(method, (Inertial, Analytic, Auto)):
+    if isinstance(method, (Inertial, Analytic, Auto, Fine)):
         return method
     found = METHODS.get(str(method).strip().lower())
     if found is None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.align.fine import FinePass
 from schuler.align.history import History
 from schuler.align.methods import Method
 from schuler.attitude import psi_to_heading, quat_to_euler
@@ -68,6 +69,8 @@ class Alignment:
         What the record looks like.
     why : str
         Why the method was chosen, where it was.
+    passed : FinePass or None
+        What a Kalman filter said after each step.
     inputs : dict of str to str
         What is needed to do the same again.
     """
@@ -91,6 +94,7 @@ class Alignment:
     history: History = field(repr=False)
     summary: Summary = field(repr=False)
     why: str = ""
+    passed: FinePass | None = field(default=None, repr=False)
     inputs: dict[str, str] = field(default_factory=dict, repr=False)
 
     def noting(self, warnings: Iterable[str], inputs: dict[str, str]) -> Alignment:
