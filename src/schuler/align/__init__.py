@@ -13,6 +13,7 @@ from schuler.align.budget import (
 from schuler.align.convergence import Convergence, convergence
 from schuler.align.disturbance import Residual, residual
 from schuler.align.fine import FinePass
+from schuler.align.latitude import LatitudeFix, align_without_latitude
 from schuler.align.limit import Limit, Position, limit, load_positions, position_limit
 from schuler.align.methods import (
     METHODS,
@@ -20,6 +21,7 @@ from schuler.align.methods import (
     Analytic,
     Auto,
     Fine,
+    Gyrocompass,
     Inertial,
     Method,
     parse_method,
@@ -39,7 +41,9 @@ __all__ = [
     "Convergence",
     "Fine",
     "FinePass",
+    "Gyrocompass",
     "Inertial",
+    "LatitudeFix",
     "Limit",
     "Method",
     "Position",
@@ -47,6 +51,7 @@ __all__ = [
     "Windows",
     "align",
     "align_windows",
+    "align_without_latitude",
     "analytic_error",
     "bias_formula",
     "convergence",

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from schuler.align.analytic import analytic_attitude
 from schuler.align.choose import choose
+from schuler.align.compass import compass_alignment
 from schuler.align.disturbance import (
     analytic_disturbance,
     disturbance_levels,
@@ -26,6 +27,7 @@ from schuler.align.methods import (
     Analytic,
     Auto,
     Fine,
+    Gyrocompass,
     Inertial,
     Method,
     parse_method,
@@ -71,7 +73,7 @@ class Estimate:
     that is surely quieter than its instrument is said to be has its white noise scaled down.
     """
 
-    method: Inertial | Analytic | Fine
+    method: Inertial | Analytic | Fine | Gyrocompass
     attitude: Array
     budget: dict[str, Array]
     orthonormality: float | None
@@ -229,7 +231,7 @@ class Aligner:
         if self.method.prefilter is not None:
             self._held.append(chunk)
             return self
-        if isinstance(self.method, Fine):
+        if isinstance(self.method, (Fine, Gyrocompass)):
             self._held.append(chunk)
         if not self._subsamples:
             self._open(chunk)
@@ -288,9 +290,16 @@ class Aligner:
 
     def _estimate(self, h: History) -> Estimate:
         at_end = self.at == "end"
-        if not isinstance(self.method, Fine):
+        if not isinstance(self.method, (Fine, Gyrocompass)):
             return estimate(h, self.site, self.method, self.spec, at_end)
         record = ImuRecord.concatenate(self._held)
+        if isinstance(self.method, Gyrocompass):
+            if not at_end:
+                raise InputError("a gyrocompass loop gives the attitude at the end: say --at end")
+            loop = compass_alignment(record, h, self.site, self.method, self.spec)
+            return Estimate(
+                self.method, loop.attitude, loop.budget, None, None, self.spec, passed=loop.passed
+            )
         fine = fine_alignment(record, h, self.site, self.method, self.spec, at_end)
         known = self.spec is not None
         return Estimate(
@@ -409,4 +418,4 @@ def align(
 
 
 # A method that is not in the union would fall through `estimate`'s branches unseen.
-assert set(Method.__args__) == {Inertial, Analytic, Auto, Fine}
+assert set(Method.__args__) == {Inertial, Analytic, Auto, Fine, Gyrocompass}

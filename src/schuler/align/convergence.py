@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from schuler.align.aligner import estimate
 from schuler.align.fine import FinePass
 from schuler.align.inertial import MINIMUM_ROWS
-from schuler.align.methods import Fine
+from schuler.align.methods import Fine, Gyrocompass
 from schuler.align.result import Alignment
 from schuler.attitude import matrix_to_quat, psi_to_heading, quat_to_euler
 from schuler.constants import ARCMIN, DEG
@@ -49,7 +49,7 @@ def convergence(fix: Alignment, points: int = 60) -> Convergence:
     """
     if fix.passed is not None:
         return _of_filter(fix.passed, points)
-    assert not isinstance(fix.method, Fine)
+    assert not isinstance(fix.method, (Fine, Gyrocompass))
     h = fix.history
     wanted = np.geomspace(0.01 * h.duration, h.duration, points)
     rows = np.unique(np.clip(np.searchsorted(h.t, wanted - 1e-9), MINIMUM_ROWS, len(h) - 1))

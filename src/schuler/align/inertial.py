@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.align.field import FIELD, field_gain, field_solve
 from schuler.align.history import History, Rows, gravity_direction
 from schuler.attitude import skew
 from schuler.errors import InputError
@@ -30,6 +31,9 @@ Array = NDArray[np.float64]
 MINIMUM_ROWS = 11
 """Instants without which the record cannot show its own disturbance: with fewer, no mode of the
 residual is free of the fit (see `disturbance`), and sigma would be nothing at all."""
+
+STRETCHES = 256
+"""Stretches over which the estimators of `schuler.align.field` take their means."""
 
 FORCE_SPAN = 0.1
 """The force at an instant is the mean over at least so long (s)."""
@@ -83,6 +87,8 @@ def solve(h: History, gravity: float, lat: float, estimator: str) -> Array:
         v1, v2 = _pair(h.velocity, rows)
         # The later vector carries the more signal: it is fitted exactly.
         return triad(r2, r1, v2, v1)
+    if estimator in FIELD:
+        return field_solve(h.thin(STRETCHES)[0], gravity, lat, estimator)
     n, sv, sb, sbv = h.sums()
     if estimator == "centred":
         sbv = sbv - np.outer(sb, sv) / n
@@ -157,6 +163,10 @@ def weights(
         point = _triad_weights(h.theory(gravity, lat), rows)
         block = np.zeros((len(thin) - 1, 3, 3))
         return Weights(np.array(rows, np.int64), point, position, block), thin
+    if estimator in FIELD:
+        thin, position = h.thin(STRETCHES, [0])
+        block = field_gain(thin, gravity, lat, estimator)
+        return Weights(np.zeros(1, np.int64), np.zeros((1, 3, 3)), position, block), thin
     thin, position = h.thin(blocks, [0])
     n = np.diff(thin.updates)
     d = gravity * gravity_direction(lat)

@@ -43,7 +43,7 @@ from schuler.attitude import (
     rotvec_to_quat,
     skew,
 )
-from schuler.constants import DEG_PER_HOUR, MICRO_G
+from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G
 from schuler.earth import Site
 from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
 
@@ -96,6 +96,8 @@ class Joint:
         Levels of a bounded and of a wandering turn of the base about east, north and up.
     steady : bool
         Whether the unit is on one base all the time.
+    latitude : (2,) float64
+        How far the latitude is off, and its 1-sigma, rad; zero where it is taken for known.
     """
 
     rotation: Array
@@ -111,6 +113,7 @@ class Joint:
     share: float
     sway_levels: Array
     steady: bool
+    latitude: Array
 
     @property
     def still(self) -> bool:
@@ -172,7 +175,7 @@ _COLUMNS = 11
 the attitude of each dwell (3)."""
 
 
-def joint(h: History, site: Site, spec: ImuSpec | None) -> Joint:
+def joint(h: History, site: Site, spec: ImuSpec | None, *, free_latitude: bool = False) -> Joint:
     """Return the optimal estimate of a history.
 
     Parameters
@@ -182,6 +185,8 @@ def joint(h: History, site: Site, spec: ImuSpec | None) -> Joint:
     spec : ImuSpec or None
         The instrument; without one all noise is read from the record, and biases are taken for
         nothing.
+    free_latitude : bool
+        Estimate how far the latitude is off as well.
 
     Raises
     ------
@@ -208,14 +213,19 @@ def joint(h: History, site: Site, spec: ImuSpec | None) -> Joint:
     levels = velocity_levels(velocity_powers(e, dt, interval, g, spec, dwells))
     turns = _turns(q, r, local, dwells)
     series = _series(h, site, spec, levels, local, attitude, turns, dwells)
-    gain_a, gain_v, covariance = _gains(series, spec)
+    if free_latitude:
+        series = _with_latitude(series, h, site, local)
+    gain_a, gain_v, covariance = _gains(series, spec, free_latitude)
+    latitude = np.zeros(2)
     biases = np.zeros(6)
     # Errors are phi^2, so a second step leaves nothing.
     for _ in range(2):
         e = np.einsum("iab,ib->ia", local[:, :2], velocity @ r.T - theory)
         found = np.einsum("iab,ib->a", gain_v, e)
         found += np.einsum("iab,ib->a", gain_a, _turns(q, r, local, dwells))
-        biases = found[3:]
+        biases = found[3:9]
+        if free_latitude:
+            latitude = np.array([found[9], np.sqrt(covariance[9, 9])])
         r = np.asarray(quat_to_matrix(rotvec_to_quat(found[:3])) @ r)
     spread = sum(
         (gain_a[:, :3, k].T @ series.mean_sway[k] @ gain_a[:, :3, k] for k in range(3)),
@@ -226,10 +236,25 @@ def joint(h: History, site: Site, spec: ImuSpec | None) -> Joint:
         -gain_v[:, :3] @ local[:, :2],
     )  # fmt: skip
     return Joint(
-        r, biases, covariance, w, -gain_a[:, :3] @ local, np.asarray(spread), levels, h, attitude,
+        r, biases, covariance[:9, :9], w, -gain_a[:, :3] @ local, np.asarray(spread), levels, h, attitude,
         dwells, _share(series, gain_a, gain_v, local[m // 2, 2]), series.sway_levels,
-        dwells == ((0, m),) and len(series.attitude_rows) > 0,
+        dwells == ((0, m),) and len(series.attitude_rows) > 0, latitude,
     )  # fmt: skip
+
+
+def _with_latitude(series: _Series, h: History, site: Site, local: Array) -> _Series:
+    """Return the series with a last column for the latitude: what G gains by it."""
+    step = 1e-5
+    sides = []
+    for sign in (-1.0, 1.0):
+        there = Site((site.latitude + sign * step) / DEG, site.lon, site.height)
+        direction = there.gravity * gravity_direction(there.latitude)
+        sides.append(direction * h.block_means(slice(12, 15)))
+    # v is that of the true latitude, so the residual gains what G would.
+    slope = np.einsum("iab,ib->ia", local[:, :2], (sides[1] - sides[0]) / (2.0 * step))
+    column = np.zeros((*series.design.shape[:2], 1))
+    column[3:, :, 0] = slope.T
+    return replace(series, design=np.concatenate([series.design, column], axis=2))
 
 
 def _share(series: _Series, gain_a: Array, gain_v: Array, up: Array) -> float:
@@ -320,10 +345,10 @@ def _carried(once: Array, steps: Array) -> Array:
     return np.asarray((once @ steps.reshape(len(steps), 9)).reshape(steps.shape))
 
 
-def _gains(series: _Series, spec: ImuSpec | None) -> tuple[Array, Array, Array]:
-    """Return what a unit of attitude (m, 9, 3) and of velocity (m, 9, 2) makes of the unknowns.
+def _gains(series: _Series, spec: ImuSpec | None, last: bool) -> tuple[Array, Array, Array]:
+    """Return what a unit of attitude (m, k, 3) and of velocity (m, k, 2) makes of the unknowns.
 
-    And the covariance (9, 9) of phi_0 and the biases.
+    And their covariance (k, k): phi_0 and the biases, and with `last` the last column.
     """
     m, n = series.design.shape[1:]
     information = np.zeros((n, n))
@@ -337,17 +362,17 @@ def _gains(series: _Series, spec: ImuSpec | None) -> tuple[Array, Array, Array]:
     # up takes it nowhere. So the series fall into three independent groups.
     for turn, move, sign in ((0, 4, -1.0), (1, 3, 1.0), (2, 3, 0.0)):
         rows_a, rows_v = series.attitude_rows, series.velocity_rows if sign else none
-        pick = np.concatenate([rows_a, m + rows_v])
-        if not len(pick):
+        chosen = np.concatenate([rows_a, m + rows_v])
+        if not len(chosen):
             continue
-        flip = np.repeat([1.0, sign], m)[pick]
-        noise = series.gyro[np.ix_(pick, pick)] * np.outer(flip, flip)
+        flip = np.repeat([1.0, sign], m)[chosen]
+        noise = series.gyro[np.ix_(chosen, chosen)] * np.outer(flip, flip)
         k = len(rows_a)
         noise[:k, :k] += series.sway[turn][np.ix_(rows_a, rows_a)]
         noise[k:, k:] += series.force[np.ix_(rows_v, rows_v)]
         # A noise that is said to be nothing must not leave the inverse without digits.
-        noise[np.diag_indices(len(pick))] *= 1.0 + 1e-9
-        noise[np.diag_indices(len(pick))] += 1e-24
+        noise[np.diag_indices(len(chosen))] *= 1.0 + 1e-9
+        noise[np.diag_indices(len(chosen))] += 1e-24
         jacobian = np.concatenate([series.design[turn][rows_a], series.design[move][rows_v]])
         weighted = np.linalg.solve(noise, jacobian).T
         information += weighted @ jacobian
@@ -356,9 +381,10 @@ def _gains(series: _Series, spec: ImuSpec | None) -> tuple[Array, Array, Array]:
     scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, np.diag(information), 1.0)), 0.0)
     scaled = information * np.outer(scale, scale) + np.diag(1.0 - seen)
     inverse = np.linalg.inv(scaled) * np.outer(scale, scale)
-    gain_a, gain_v = np.zeros((m, 9, 3)), np.zeros((m, 9, 2))
+    pick = np.array([*range(9), n - 1] if last else range(9))
+    gain_a, gain_v = np.zeros((m, len(pick), 3)), np.zeros((m, len(pick), 2))
     for turn, rows_a, move, rows_v, weighted in groups:
-        gain = (inverse[:9] @ weighted).T
+        gain = (inverse[pick] @ weighted).T
         gain_a[rows_a, :, turn] = gain[: len(rows_a)]
         gain_v[rows_v, :, move] = gain[len(rows_a) :]
-    return gain_a, gain_v, inverse[:9, :9]
+    return gain_a, gain_v, inverse[np.ix_(pick, pick)]

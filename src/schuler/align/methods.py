@@ -16,6 +16,7 @@ __all__ = [
     "Analytic",
     "Auto",
     "Fine",
+    "Gyrocompass",
     "Inertial",
     "Method",
     "parse_method",
@@ -23,7 +24,10 @@ __all__ = [
     "with_prefilter",
 ]
 
-ESTIMATORS = ("centred", "optimal", "wahba", "integral-triad", "instants-triad")
+ESTIMATORS = (
+    "centred", "optimal", "wahba", "integral-triad", "instants-triad", "position-triad",
+    "position-wahba", "fitted-triad", "fitted-position-triad", "velocity-growth",
+)  # fmt: skip
 BASES = ("gravity", "earth-rate")
 
 
@@ -36,12 +40,14 @@ class Inertial:
 
     Parameters
     ----------
-    estimator : {"centred" (default), "optimal", "wahba", "integral-triad", "instants-triad"}
+    estimator : str
         "centred": least squares between all velocity integrals and their theory, both
         centred, so that an unknown constant velocity drops out. "optimal": the same series and
         the attitude of the base, weighted by the noise of both. "wahba": as centred without
         centring. "integral-triad": the integrals at the middle and at the end.
-        "instants-triad": the specific force at the middle and at the end.
+        "instants-triad": the specific force at the middle and at the end. "position-triad",
+        "position-wahba", "fitted-triad", "fitted-position-triad", "velocity-growth": those of
+        `schuler.align.field`.
     subsamples : int, optional
         Samples to one coning and sculling update, 1 to 4 (1 uses the sample before as well);
         by default chosen from the sampling rate.
@@ -190,7 +196,35 @@ class Fine:
         return "kalman-10" if self.states == 10 else f"kalman-{self.measurement}"
 
 
-Method = Inertial | Analytic | Auto | Fine
+@dataclass(frozen=True)
+class Gyrocompass:
+    """The classical two-stage gyrocompass loop with fixed gains.
+
+    Parameters
+    ----------
+    level_share : float
+        Part of the record for the level stage.
+    pole : float, optional
+        Pole of the azimuth stage, 1/s; by default as slow as the record allows.
+    prefilter : Prefilter, optional
+        As in `Inertial`.
+    """
+
+    level_share: float = 0.15
+    pole: float | None = None
+    prefilter: Prefilter | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 < self.level_share < 1:
+            raise InputError(f"level_share must be between 0 and 1, got {self.level_share}")
+        if self.pole is not None and not self.pole > 0:
+            raise InputError(f"pole must be positive, got {self.pole}")
+
+    def __str__(self) -> str:
+        return "gyrocompass"
+
+
+Method = Inertial | Analytic | Auto | Fine | Gyrocompass
 
 #: the names of the command line and of scenario files
 METHODS: dict[str, Method] = {
@@ -201,6 +235,7 @@ METHODS: dict[str, Method] = {
     "kalman-10": Fine(10, "velocity"),
     "kalman-force": Fine(12, "force"),
     "kalman-large": Fine(azimuth="large"),
+    "gyrocompass": Gyrocompass(),
     "analytic": Analytic(),
     "analytic-earth-rate": Analytic("earth-rate"),
 }
@@ -216,7 +251,7 @@ def parse_method(method: str | Method | None) -> Method:
     """
     if method is None:
         return Auto()
-    if isinstance(method, (Inertial, Analytic, Auto, Fine)):
+    if isinstance(method, (Inertial, Analytic, Auto, Fine, Gyrocompass)):
         return method
     found = METHODS.get(str(method).strip().lower())
     if found is None:

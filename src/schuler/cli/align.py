@@ -39,8 +39,10 @@ __all__ = ["command"]
     metavar="NAME",
     default="auto",
     show_default=True,
-    help="auto (by what the record shows), centred, optimal, wahba, integral-triad, "
-    "instants-triad, analytic or analytic-earth-rate.",
+    help="auto (by what the record shows), centred, optimal, kalman, kalman-velocity, kalman-10, "
+    "kalman-force, kalman-large, gyrocompass, wahba, integral-triad, instants-triad, "
+    "position-wahba, position-triad, fitted-triad, fitted-position-triad, velocity-growth, "
+    "analytic or analytic-earth-rate.",
 )
 @click.option(
     "--prefilter",

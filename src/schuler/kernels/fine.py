@@ -117,7 +117,7 @@ def _fill_transition(phi, s, n, earth, wander, at_p, at_d, tau, axes):
 
 
 @helper
-def _carry(s, cfg, t, a, f):
+def carry(s, cfg, t, a, f):
     """Take one sample (angle and velocity, biases removed) into attitude, velocity and place."""
     before_a, before_f = (s[11], s[12], s[13]), (s[14], s[15], s[16])
     coning = cfg[23] / 12.0
@@ -255,7 +255,7 @@ def fine(state, x, p, parts, cfg, layout, room, time, dt, dtheta, dvel, out, kee
         if wander == 0.0:
             a = (a[0] - t * s[48], a[1] - t * s[49], a[2] - t * s[50])
         f = (dvel[i, 0] - t * s[51], dvel[i, 1] - t * s[52], dvel[i, 2] - t * s[53])
-        _carry(s, cfg, t, a, f)
+        carry(s, cfg, t, a, f)
         s[0] = time[i]
         s[18] += 1.0
         s[19] += t
