@@ -206,7 +206,7 @@ class Tables:
         root = np.linalg.cholesky(turn_products(samples, 1.0 / plant.sampling))
         blend = plant.period * node_integrals(at)
         levels = self.levels or (plant.force,)
-        nodes = np.zeros((len(levels), len(at), 10))
+        nodes = np.zeros((len(levels), len(at), 19))
         nodes[:, :, 0] = weights / (1e-6 * plant.noise) ** 2
         axis = plant.earth / EARTH_RATE
         cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
@@ -214,7 +214,9 @@ class Tables:
             angle = EARTH_RATE * plant.period * (x + 0.5)
             turned = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
             for level, force in enumerate(levels):
-                nodes[level, q, 1:] = (plant.harmonics(force) @ turned.T).ravel()
+                rotated = plant.harmonics(force) @ turned.T
+                nodes[level, q, 1:10] = rotated.ravel()
+                nodes[level, q, 10:] = np.cross(plant.earth, rotated).ravel()
         n = len(levels)
         return (
             nodes, np.repeat(blend[None], n, 0), np.repeat(root[None], n, 0),

@@ -33,9 +33,6 @@ WIDTH = 10
 MONOMIALS = 10
 """1, x, y, z, xx, yy, zz, xy, xz, yz: the forces that gyro drift depends on."""
 
-ROW = 20
-"""Numbers of a level's table for one node: weight, rotated force (9), integration (rest)."""
-
 #: gyro j, term m -> monomial, with the sign of the axes (I, O, S) of that gyro in p
 _TERM = np.array(
     [[0, 1, 3, 2, 4, 5, 8, 7, 9, 6],
@@ -94,9 +91,9 @@ def position_information(angles, nodes, blend, root, omega, terms, prior, work, 
     ----------
     angles : (3,) float64
         alpha, beta, gamma, rad.
-    nodes : (q, 10) float64
-        Weight of a node (turns over the noise's variance, 1/g^2) and the force a, b, c in the base
-        frame as the Earth has turned it by then, g.
+    nodes : (q, 19) float64
+        Weight of a node (turns over the noise's variance, 1/g^2), the force a, b, c in the base
+        frame as the Earth has turned it by then, g, and how fast it turns these, g/s.
     blend : (q, q) float64
         Integrals of the mean drift up to each node from its values at the nodes, s.
     root : (10, 10) float64
@@ -140,8 +137,10 @@ def position_information(angles, nodes, blend, root, omega, terms, prior, work, 
     # The means first: what has grown until a node depends on all of them.
     for q in range(nodes.shape[0]):
         _harmonics(m, nodes[q], force, mono)
+        _sine_growth(m, nodes[q], force, raw, column, mean[q])
         for k in range(MONOMIALS):
-            mean[q, k] = mono[k, 0]
+            # A sine that grows within each turn adds up from turn to turn.
+            mean[q, k] = mono[k, 0] - mean[q, k] / omega
     for q in range(nodes.shape[0]):
         _harmonics(m, nodes[q], force, mono)
         weight = math.sqrt(nodes[q, 0])
@@ -251,6 +250,32 @@ def _harmonics(m, node, force, mono):
 
 
 @helper
+def _sine_growth(m, node, force, drift, work, out):
+    """Fill `out` with how fast the monomials' sines grow: of the first plus half of the second."""
+    for a in range(3):
+        for c in range(3):
+            work[3 * a + c] = (
+                m[3 * a] * node[10 + 3 * c]
+                + m[3 * a + 1] * node[11 + 3 * c]
+                + m[3 * a + 2] * node[12 + 3 * c]
+            )
+    out[0] = 0.0
+    for k in range(9):
+        i, j = _FIRST[k] - 1, _SECOND[k] - 1
+        p = force[1 + i]
+        total = work[3 * i + 2]
+        if j >= 0:
+            q = force[1 + j]
+            u, v = 3 * i, 3 * j
+            total = (
+                p[0] * work[v + 2] + p[2] * work[v] + q[0] * work[u + 2] + q[2] * work[u]
+                + 0.25 * (p[1] * work[v + 2] + p[2] * work[v + 1])
+                + 0.25 * (q[1] * work[u + 2] + q[2] * work[u + 1])
+            )
+        out[1 + k] = total
+
+
+@helper
 def _marginalise(sums, angles, prior, n, out):
     """Add to `out` the information of the first n unknowns, the last three integrated out."""
     # phi = -(turn of p); the Euler angles turn by T times it: the prior is T^T T / sigma^2.
@@ -292,7 +317,7 @@ def work_size(nodes: int) -> int:
 def many_positions(angles, level, nodes, blend, root, omega, terms, prior, out):
     """Fill `out` (p, n, n) with the information of p positions.
 
-    `angles` is (p, 3), `level` (p,) says which row of the tables `nodes` (levels, q, 10), `blend`
+    `angles` is (p, 3), `level` (p,) says which row of the tables `nodes` (levels, q, 19), `blend`
     (levels, q, q), `root` (levels, 10, 10) and `omega` (levels,) is each position's.
     """
     work = np.zeros(51 * 51 + 1200 + nodes.shape[1] * MONOMIALS)
@@ -319,7 +344,7 @@ def direct_accumulation(
     omega, earth : float, (3,) float64
         Rates of the arm and of the base, rad/s.
     samples, step, every : int, float, int
-        Steps of the integration (trapezoid), their length (s), steps to a measurement.
+        Steps of the integration (Adams-Moulton), their length (s), steps to a measurement.
     terms, weight, prior
         Terms of a gyro; 1 / variance of a measurement, 1/g^2; information of an Euler angle.
     out : (n, n) float64
@@ -332,6 +357,7 @@ def direct_accumulation(
     f = np.zeros(4)
     f[0] = 1.0
     before = np.zeros(MONOMIALS)
+    earlier = np.zeros(MONOMIALS)
     now = np.zeros(MONOMIALS)
     grown = np.zeros(MONOMIALS)
     row = np.zeros(full)
@@ -357,11 +383,12 @@ def direct_accumulation(
         now[0] = 1.0
         for a in range(9):
             now[1 + a] = f[_FIRST[a]] * f[_SECOND[a]]
-        if k > 0:
-            for a in range(MONOMIALS):
-                grown[a] += 0.5 * step * (before[a] + now[a])
         for a in range(MONOMIALS):
-            before[a] = now[a]
+            if k == 1:
+                grown[a] = 0.5 * step * (before[a] + now[a])
+            elif k > 1:
+                grown[a] += step / 12.0 * (5.0 * now[a] + 8.0 * before[a] - earlier[a])
+            earlier[a], before[a] = before[a], now[a]
         if k == 0 or k % every != 0:
             continue
         for i in range(3):
