@@ -14,7 +14,7 @@ from schuler.campaign.chunk import Chunk, run_chunk
 from schuler.campaign.worker import ONE_THREAD, start
 from schuler.errors import InputError, SchulerError
 
-__all__ = ["execute"]
+__all__ = ["cluster_executor", "execute"]
 
 _DEATHS = 5
 """So many chunks in a row may lose their worker before it is the campaign's fault."""
@@ -166,6 +166,21 @@ def _dask(workers: int | None, scheduler: str | None) -> Iterator[tuple[Executor
             ) from None
         with client, client.get_executor(pure=False) as executor:
             yield executor, max(16, 3 * sum(client.nthreads().values()))
+
+
+@contextmanager
+def cluster_executor(scheduler: str) -> Iterator[Executor]:
+    """Give an executor on a Dask cluster that is there already.
+
+    Raises
+    ------
+    InputError
+        If the scheduler cannot be reached.
+    SchulerError
+        If Dask is missing.
+    """
+    with _dask(None, scheduler) as (executor, _):
+        yield executor
 
 
 def _cluster(local_cluster: Any, workers: int) -> Any:

@@ -20,6 +20,8 @@ _COMMANDS = {
     "simulate": ("schuler.cli.simulate", "Make a record, and its truth, from a scenario file."),
     "campaign": ("schuler.cli.campaign", "Simulate and align many times: is sigma what it says?"),
     "allan": ("schuler.cli.allan", "Tell an instrument's noise from a static record."),
+    "calibrate": ("schuler.cli.calibrate", "Find an instrument's coefficients from a test."),
+    "plan": ("schuler.cli.plan", "Find the test that shows an instrument's coefficients best."),
     "demo": ("schuler.cli.demo", "Align a simulated truck and compare with the truth."),
 }
 

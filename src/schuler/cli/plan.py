@@ -1,0 +1,169 @@
+"""The command ``schuler plan``, which finds the test that tells most."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import nullcontext
+from typing import Any
+
+import click
+
+from schuler.cli.common import Seconds, check_outputs, emit_json
+from schuler.errors import InputError
+
+__all__ = ["command"]
+
+
+@click.group("plan", context_settings={"help_option_names": ["-h", "--help"]})
+def command() -> None:
+    """Find the test that shows an instrument's coefficients best."""
+
+
+@command.command("centrifuge")
+@click.option("--positions", default="6", show_default=True, metavar="N|N-M",
+              help="How many positions, or a range to see the trade.")  # fmt: skip
+@click.option("--dwell", type=Seconds(), default="20s", show_default=True,
+              help="Time at each: whole turns of the arm.")  # fmt: skip
+@click.option("--total", type=Seconds(), help="With a range: time in all, shared by the positions.")
+@click.option("--objective", default="sum-rho", show_default=True,
+              help="sum-rho, a, d, e, min-max or time.")  # fmt: skip
+@click.option("--method", default="cma", show_default=True, help="cma, de or ga.")
+@click.option("--alpha", default="0,360", show_default=True, metavar="LOW,HIGH", help="Limits, deg.")
+@click.option("--beta", default="0,0", show_default=True, metavar="LOW,HIGH", help="Limits, deg.")
+@click.option("--gamma", default="0,360", show_default=True, metavar="LOW,HIGH", help="Limits, deg.")
+@click.option("--force", default=10.0, show_default=True, metavar="G", help="Centripetal force.")
+@click.option("--rate", default=180.0, show_default=True, metavar="DEG/S", help="Of the arm.")
+@click.option("--lat", default=28.22, show_default=True, metavar="DEG", help="Latitude.")
+@click.option("--noise", default=10.0, show_default=True, metavar="UG", help="Of an output sample.")
+@click.option("--time-limit", type=Seconds(), default="60s", show_default=True,
+              help="When to stop searching.")  # fmt: skip
+@click.option("--rounds", type=int, help="Stop after so many rounds: the same answer everywhere.")
+@click.option("--seed", default=0, show_default=True, help="Of the search.")
+@click.option("--workers", default=2, show_default=True, help="Rounds at a time.")
+@click.option("--scheduler", metavar="tcp://...", help="A Dask cluster for the rounds.")
+@click.option("--resume", metavar="JSON", help="Go on with an earlier plan's --json.")
+@click.option("--json", "json_to", metavar="OUT", help="Write the plan as JSON (- : here).")
+@click.option("--report", "report_to", metavar="OUT.html", help="Draw the schemes and the trade.")
+def centrifuge(**options: Any) -> None:
+    """Find the positions of a platform on a centrifuge that tell its 45 coefficients best.
+
+    \b
+      schuler plan centrifuge --positions 6 --dwell 20s --time-limit 60s --seed 0 --json -
+      schuler plan centrifuge --positions 4-12 --total 120s --time-limit 20s --report trade.html
+    """  # noqa: D301
+    from schuler.calibrate import Limits, Objective, Plant, Problem, explore, plan
+
+    counts = _counts(options["positions"])
+    check_outputs(options["json_to"], options["report_to"])
+    if options["report_to"] is not None:
+        from schuler.report.page import graph_objects
+
+        graph_objects()
+    limits = Limits(*(_pair(options[key], key) for key in ("alpha", "beta", "gamma")))
+    plant = Plant(
+        force=options["force"], rate=options["rate"], latitude=options["lat"],
+        noise=options["noise"],
+    )  # fmt: skip
+    problem = Problem(
+        plant, counts[0], options["dwell"], Objective(options["objective"]), limits,
+        options["method"],
+    )  # fmt: skip
+    shown = sys.stderr.isatty()
+
+    def progress(seconds: float, best: float, spent: int) -> None:
+        if shown:
+            click.echo(f"\r\x1b[K{seconds:6.1f} s  best {best:.6g}  {spent} evaluations", nl=False,
+                       err=True)  # fmt: skip
+
+    settings: dict[str, Any] = {
+        "seed": options["seed"], "time_limit": options["time_limit"], "rounds": options["rounds"],
+        "workers": options["workers"], "progress": progress,
+    }  # fmt: skip
+    if options["resume"] is not None:
+        if len(counts) > 1:
+            raise InputError("--resume goes on with one plan: say one number of --positions")
+        settings |= _resumed(options["resume"], problem)
+    if options["scheduler"]:
+        from schuler.campaign.execute import cluster_executor
+
+        hired: Any = cluster_executor(options["scheduler"])
+    else:
+        hired = nullcontext()
+    with hired as executor:
+        if len(counts) == 1:
+            found = [plan(problem, executor=executor, **settings)]
+        else:
+            found = explore(problem, counts, total=options["total"], executor=executor, **settings)
+    if shown:
+        click.echo("\r\x1b[K", nl=False, err=True)
+    if options["json_to"] is not None:
+        data = found[0].to_dict() if len(found) == 1 else {
+            "schema": "schuler.plan-trade/1", "plans": [p.to_dict() for p in found]
+        }  # fmt: skip
+        emit_json(data, options["json_to"])
+    if options["report_to"] is not None:
+        from schuler.report.plan import plan_report
+
+        plan_report(found, options["report_to"])
+    if options["json_to"] == "-":
+        return
+    click.echo(f"{'positions':>9}  {'dwell s':>7}  {options['objective']:>10}  {'published':>10}  "
+               f"{'worst sigma':>11}   alpha,gamma or alpha,beta,gamma deg")  # fmt: skip
+    for each in found:
+        flat = limits.beta == (0.0, 0.0)
+        shown_at = " ".join(
+            ",".join(f"{v:g}" for v in (row[[0, 2]] if flat else row)) for row in each.positions
+        )
+        click.echo(f"{len(each.positions):9d}  {each.problem.dwell:7g}  {each.objective:10.4g}  "
+                   f"{each.published_objective:10.4g}  {100 * each.worst_relative_sigma:9.3g} %   "
+                   f"{shown_at}")  # fmt: skip
+
+
+def _counts(text: str) -> range:
+    low, dash, high = text.partition("-")
+    try:
+        counts = range(int(low), int(high if dash else low) + 1)
+    except ValueError:
+        counts = range(0)
+    if not counts:
+        raise InputError(f"--positions: expected a number, or two as 4-12, got '{text}'")
+    return counts
+
+
+def _pair(text: str, name: str) -> tuple[float, float]:
+    try:
+        low, high = (float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(f"--{name}: expected two numbers as 0,360, got '{text}'") from None
+    return low, high
+
+
+def _resumed(path: str, problem: Any) -> dict[str, Any]:
+    """Return what `plan` needs to go on with an earlier result."""
+    import json
+    from pathlib import Path
+
+    import numpy as np
+
+    from schuler.calibrate import evaluate
+
+    try:
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
+        positions = np.array(data["positions"], dtype=np.float64)
+        first = int(data["rounds"])
+        fits = (
+            positions.shape == (problem.positions, 3)
+            and data["objective_name"] == problem.objective.name
+            and data["dwell_s"] == problem.dwell
+            and first >= 0
+        )
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    except (ValueError, KeyError, TypeError):
+        raise InputError(f"{path}: is not a plan that `schuler plan --json` wrote") from None
+    if not fits:
+        raise InputError(
+            f"{path}: is a plan of another number of positions, dwell or objective; say the same"
+        )
+    value = float(evaluate(problem, positions[None])[0])
+    return {"first_round": first, "best": (value, positions)}
