@@ -8,7 +8,7 @@ round. Its text prints two orders of rotation: eq. 14 holds for z, y, x only, wh
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -226,7 +226,7 @@ class Tables:
     @property
     def prior(self) -> float:
         """Information of an Euler angle at the start, 1/rad^2."""
-        return self.plant.attitude_prior**-2.0
+        return 1.0 / self.plant.attitude_prior**2
 
 
 def _angles(positions: ArrayLike) -> Array:

@@ -75,9 +75,7 @@ class Objective:
         if not self.wanted:
             return default_wanted(plant)
         if len(self.wanted) != plant.unknowns:
-            raise InputError(
-                f"expected {plant.unknowns} wanted accuracies, got {len(self.wanted)}"
-            )
+            raise InputError(f"expected {plant.unknowns} wanted accuracies, got {len(self.wanted)}")
         return np.asarray(self.wanted, dtype=np.float64)
 
 

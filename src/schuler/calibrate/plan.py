@@ -47,7 +47,9 @@ class Limits:
         for name in ("alpha", "beta", "gamma"):
             low, high = getattr(self, name)
             if not (np.isfinite(low) and np.isfinite(high) and low <= high <= low + 360.0):
-                raise InputError(f"limits of {name}: expected low <= high in deg, got {low}, {high}")
+                raise InputError(
+                    f"limits of {name}: expected low <= high in deg, got {low}, {high}"
+                )
         if self.beta[0] < -80.0 or self.beta[1] > 80.0:
             raise InputError(f"limits of beta must lie within -80 and 80 deg, got {self.beta}")
 
@@ -146,8 +148,12 @@ class Plan:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as JSON takes it (docs/plan.schema.json)."""
-        finite = {k: v if np.isfinite(v) else None for k, v in (
-            ("objective", self.objective), ("published_objective", self.published_objective))}  # fmt: skip
+        finite = {
+            key: value if np.isfinite(value) else None
+            for key, value in (
+                ("objective", self.objective), ("published_objective", self.published_objective)
+            )
+        }  # fmt: skip
         return {
             "schema": "schuler.plan/1",
             "objective_name": self.problem.objective.name,
@@ -219,9 +225,7 @@ def run_round(problem: Problem, seed: int, number: int) -> tuple[float, Array, i
         for _ in range(20):
             pool = np.concatenate([best, limits.keep(best[:, None] + around).reshape(-1, 3)])
             chosen = np.arange(p)
-            found, count = exchange(
-                position_matrices(tables, pool), chosen, 10**9, wanted, kind
-            )
+            found, count = exchange(position_matrices(tables, pool), chosen, 10**9, wanted, kind)
             spent += int(count)
             if not found < reached - 1e-9 * abs(reached if np.isfinite(reached) else 0.0):
                 break

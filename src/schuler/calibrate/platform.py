@@ -160,7 +160,7 @@ def simulate_platform(
         for j in range(3):
             terms = plant.terms
             drift[..., j] += mono[..., _TERM[j, :terms]] @ (_SIGN[j, :terms] * gyro[:, j])
-        return np.cross(drift[..., None, :], np.swapaxes(m, 2, 3)).swapaxes(2, 3)
+        return np.asarray(np.cross(drift[..., None, :], np.swapaxes(m, 2, 3)).swapaxes(2, 3))
 
     h = 1.0 / plant.sampling
     samples = plant.turns(dwell) * round(plant.sampling * plant.period)
@@ -285,7 +285,7 @@ def _at_new_position(held: Array, spread: Array, square_root: bool) -> Array:
     n = len(held) - 6
     out = np.zeros_like(held)
     if square_root:
-        out[:n, :n] = np.linalg.qr(held[:n].T, mode="r").T
+        out[:n, :n] = np.asarray(np.linalg.qr(held[:n].T, mode="r")).T
         out[n : n + 3, n : n + 3] = out[n + 3 :, n : n + 3] = spread
     else:
         out[:n, :n] = held[:n, :n]

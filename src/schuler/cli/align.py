@@ -26,6 +26,7 @@ from schuler.errors import InputError
 if TYPE_CHECKING:
     from schuler.align import Alignment, Windows
     from schuler.align.aligner import Aligner
+    from schuler.calibrate.apply import Calibration
     from schuler.io import Source
 
 __all__ = ["command"]
@@ -53,6 +54,11 @@ __all__ = ["command"]
     "--spec",
     metavar="GRADE|TOML",
     help="The instrument: navigation-rlg, navigation-fog, tactical-fog, industrial-mems or a file.",
+)
+@click.option(
+    "--calibration",
+    metavar="TOML",
+    help="Apply a calibration (of `schuler calibrate`) to the record first.",
 )
 @click.option(
     "--at",
@@ -83,6 +89,7 @@ def command(**options: Any) -> None:
     )
 
     name, prefilter, spec, at = (options.pop(k) for k in ("method", "prefilter", "spec", "at"))
+    calibration_from = options.pop("calibration")
     window, follow, idle = (options.pop(key) for key in ("windows", "follow", "idle"))
     json_to, report_to = options.pop("json_to"), options.pop("report_to")
     start, stop = options.pop("start"), options.pop("stop")
@@ -101,12 +108,18 @@ def command(**options: Any) -> None:
 
         graph_objects()  # a missing library is said before the work, too
 
+    calibration = None
+    if calibration_from is not None:
+        from schuler.calibrate.apply import Calibration
+
+        calibration = Calibration.from_toml(calibration_from)
     aligner = Aligner(site, method, spec, at=at)
     windows: Windows | None = None
     if follow:
-        fix = _follow(source, aligner, idle, quiet=json_to == "-")
+        fix = _follow(source, aligner, idle, calibration, quiet=json_to == "-")
     else:
-        with progress(source, source.chunks(start=start, stop=stop)) as chunks:
+        with progress(source, source.chunks(start=start, stop=stop)) as read:
+            chunks = read if calibration is None else calibration.each(read)
             if window is not None:
                 windows = align_windows(chunks, site, window, method, aligner.spec, at=at)
                 fix = windows.whole
@@ -114,7 +127,7 @@ def command(**options: Any) -> None:
                 for chunk in chunks:
                     aligner.update(chunk)
                 fix = aligner.solution()
-    fix = _with_source(fix, source, spec)
+    fix = _with_source(fix, source, spec, calibration_from)
     if windows is not None:
         windows = type(windows)(fix, windows.length, windows.each)
     if json_to is not None:
@@ -129,7 +142,9 @@ def command(**options: Any) -> None:
     say_warnings(fix.warnings)
 
 
-def _with_source(fix: Alignment, source: Source, spec: str | None) -> Alignment:
+def _with_source(
+    fix: Alignment, source: Source, spec: str | None, calibration: str | None
+) -> Alignment:
     """Add what the reader knows: what was read as what, and what was found in the rows."""
     quality = source.quality
     site = fix.site
@@ -147,6 +162,8 @@ def _with_source(fix: Alignment, source: Source, spec: str | None) -> Alignment:
         "specification": "none" if fix.spec is None else fix.spec.name,
         "schuler": __version__,
     }
+    if calibration is not None:
+        inputs["calibration"] = calibration
     if fix.spec is not None:
         for part, values in fix.spec.describe().items():
             for name, value in values.items():
@@ -173,13 +190,16 @@ def _print(fix: Alignment, windows: Windows | None) -> None:
     click.echo(f"heading budget (1 sigma): {parts}")
 
 
-def _follow(source: Source, aligner: Aligner, idle: float | None, quiet: bool) -> Alignment:
+def _follow(
+    source: Source, aligner: Aligner, idle: float | None, calibration: Calibration | None,
+    quiet: bool,
+) -> Alignment:  # fmt: skip
     """Align while data come; show heading and sigma live, and end by --idle or Ctrl-C."""
     last = 0.0
     live = sys.stdout.isatty() and not quiet
     try:
         for chunk in source.follow(idle=idle):
-            aligner.update(chunk)
+            aligner.update(chunk if calibration is None else calibration.apply(chunk))
             if clock.monotonic() - last < 0.5:
                 continue
             last = clock.monotonic()

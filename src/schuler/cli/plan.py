@@ -28,9 +28,13 @@ def command() -> None:
 @click.option("--objective", default="sum-rho", show_default=True,
               help="sum-rho, a, d, e, min-max or time.")  # fmt: skip
 @click.option("--method", default="cma", show_default=True, help="cma, de or ga.")
-@click.option("--alpha", default="0,360", show_default=True, metavar="LOW,HIGH", help="Limits, deg.")
+@click.option(
+    "--alpha", default="0,360", show_default=True, metavar="LOW,HIGH", help="Limits, deg."
+)
 @click.option("--beta", default="0,0", show_default=True, metavar="LOW,HIGH", help="Limits, deg.")
-@click.option("--gamma", default="0,360", show_default=True, metavar="LOW,HIGH", help="Limits, deg.")
+@click.option(
+    "--gamma", default="0,360", show_default=True, metavar="LOW,HIGH", help="Limits, deg."
+)
 @click.option("--force", default=10.0, show_default=True, metavar="G", help="Centripetal force.")
 @click.option("--rate", default=180.0, show_default=True, metavar="DEG/S", help="Of the arm.")
 @click.option("--lat", default=28.22, show_default=True, metavar="DEG", help="Latitude.")

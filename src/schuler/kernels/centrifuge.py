@@ -160,13 +160,13 @@ def position_information(angles, nodes, blend, root, omega, terms, prior, work, 
                 _whiten(raw, root, weight, WIDTH, products[a, k])
         for i in range(3):
             # Accelerometer i sees phi of the two other axes: delta f = phi x f.
-            j, l = (i + 1) % 3, (i + 2) % 3
+            j, h = (i + 1) % 3, (i + 2) % 3
             used = 0
             for t in range(terms):
                 for c in range(WIDTH):
-                    rows[c, used] = _SIGN[j, t] * products[l, _TERM[j, t], c]
-                    rows[c, used + 1] = -_SIGN[l, t] * products[j, _TERM[l, t], c]
-                index[used], index[used + 1] = 3 * t + j, 3 * t + l
+                    rows[c, used] = _SIGN[j, t] * products[h, _TERM[j, t], c]
+                    rows[c, used + 1] = -_SIGN[h, t] * products[j, _TERM[h, t], c]
+                index[used], index[used + 1] = 3 * t + j, 3 * t + h
                 used += 2
             for which in range(5):
                 if which == 0:
@@ -198,7 +198,7 @@ def position_information(angles, nodes, blend, root, omega, terms, prior, work, 
                         rows[c, used] = column[c]
                     index[used] = 3 * terms + 15 + (0 if i == 1 else 1 + which)
                     used += 1
-            _fill(force[1 + l], raw, 3)
+            _fill(force[1 + h], raw, 3)
             _whiten(raw, root, weight, 3, column)
             for c in range(WIDTH):
                 rows[c, used] = column[c]
@@ -206,7 +206,7 @@ def position_information(angles, nodes, blend, root, omega, terms, prior, work, 
             _whiten(raw, root, weight, 3, column)
             for c in range(WIDTH):
                 rows[c, used + 1] = -column[c]
-            index[used], index[used + 1] = n + j, n + l
+            index[used], index[used + 1] = n + j, n + h
             used += 2
             for r in range(used):
                 for c in range(r + 1):
@@ -268,7 +268,10 @@ def _sine_growth(m, node, force, drift, work, out):
             q = force[1 + j]
             u, v = 3 * i, 3 * j
             total = (
-                p[0] * work[v + 2] + p[2] * work[v] + q[0] * work[u + 2] + q[2] * work[u]
+                p[0] * work[v + 2]
+                + p[2] * work[v]
+                + q[0] * work[u + 2]
+                + q[2] * work[u]
                 + 0.25 * (p[1] * work[v + 2] + p[2] * work[v + 1])
                 + 0.25 * (q[1] * work[u + 2] + q[2] * work[u + 1])
             )
@@ -392,12 +395,12 @@ def direct_accumulation(
         if k == 0 or k % every != 0:
             continue
         for i in range(3):
-            j, l = (i + 1) % 3, (i + 2) % 3
+            j, h = (i + 1) % 3, (i + 2) % 3
             used = 0
             for t_ in range(terms):
-                row[used] = _SIGN[j, t_] * grown[_TERM[j, t_]] * f[1 + l]
-                row[used + 1] = -_SIGN[l, t_] * grown[_TERM[l, t_]] * f[1 + j]
-                index[used], index[used + 1] = 3 * t_ + j, 3 * t_ + l
+                row[used] = _SIGN[j, t_] * grown[_TERM[j, t_]] * f[1 + h]
+                row[used + 1] = -_SIGN[h, t_] * grown[_TERM[h, t_]] * f[1 + j]
+                index[used], index[used + 1] = 3 * t_ + j, 3 * t_ + h
                 used += 2
             value = 1.0
             for which in range(4):
@@ -412,8 +415,8 @@ def direct_accumulation(
                 row[used] = f[1 + which]
                 index[used] = 3 * terms + 15 + (0 if i == 1 else 1 + which)
                 used += 1
-            row[used], row[used + 1] = f[1 + l], -f[1 + j]
-            index[used], index[used + 1] = n + j, n + l
+            row[used], row[used + 1] = f[1 + h], -f[1 + j]
+            index[used], index[used + 1] = n + j, n + h
             used += 2
             for r in range(used):
                 for q in range(used):

@@ -57,7 +57,7 @@ def turn(angles, p, q, r, out):
 
 @helper
 def _output(x, at, i, f, h):
-    """Return output i and fill its derivatives: by k0 .. kIP (0-4), mounting (5, 6), force (7-9)."""
+    """Return output i; fill its derivatives by k0 .. kIP (0-4), mounting (5, 6), force (7-9)."""
     own = f[1 + i]
     if i == 1:
         own += x[at + 15] * f[1]

@@ -51,9 +51,7 @@ def objective(information, wanted, kind, work, inverse):
         # `work` holds the inverse of the factor of the matrix with its diagonal scaled to one.
         for i in range(n):
             value += (
-                2.0 * math.log(work[i, i])
-                - math.log(information[i, i])
-                - 2.0 * math.log(wanted[i])
+                2.0 * math.log(work[i, i]) - math.log(information[i, i]) - 2.0 * math.log(wanted[i])
             )
         value /= n
     elif kind == LARGEST_EIGENVALUE:

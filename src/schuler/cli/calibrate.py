@@ -1,0 +1,278 @@
+"""The command ``schuler calibrate``: coefficients from poses, and from a centrifuge."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from schuler.cli.common import Seconds, check_outputs, emit_json
+from schuler.errors import InputError
+
+if TYPE_CHECKING:
+    from schuler.calibrate.poses import PosesFit
+
+__all__ = ["command"]
+
+
+@click.group("calibrate", context_settings={"help_option_names": ["-h", "--help"]})
+def command() -> None:
+    """Find an instrument's coefficients from a test."""
+
+
+@command.command("poses")
+@click.argument("files", nargs=-1, required=True)
+@click.option(
+    "--gravity", default=9.80665, show_default=True, metavar="M/S^2", help="At the place."
+)
+@click.option("--initial", type=Seconds(), default="10s", show_default=True,
+              help="Rest at the start.")  # fmt: skip
+@click.option("--gyro-scale", metavar="UNIT", help="Of a count, roughly, as '0.01 deg/s'.")
+@click.option("--columns", metavar="NAMES", help="Of one file: as `schuler align` takes them.")
+@click.option("--gyro", metavar="UNIT", help="Of one file.")
+@click.option("--accel", metavar="UNIT", help="Of one file.")
+@click.option("--axes", metavar="XYZ", help="Of one file.")
+@click.option("--mapping", metavar="TOML", help="Of one file.")
+@click.option("--out", metavar="TOML", help="Write the calibration for `schuler align`.")
+@click.option("--json", "json_to", metavar="OUT", help="Write the result as JSON (- : here).")
+@click.option("--report", "report_to", metavar="OUT.html", help="Draw poses and turns.")
+def poses(**options: Any) -> None:
+    """Calibrate from an instrument put down by hand in many poses.
+
+    FILES: one record with gyros and accelerometers, or two tables of time and three counts:
+    accelerometers, then gyros.
+
+    \b
+      schuler calibrate poses bench.csv --gyro deg/s --accel g --out mine.toml
+      schuler calibrate poses acc.mat gyro.mat --gyro-scale "0.01 deg/s" --initial 50s --json -
+    """  # noqa: D301
+    from schuler.calibrate import calibrate_poses
+    from schuler.units import parse
+
+    files = options["files"]
+    check_outputs(options["out"], options["json_to"], options["report_to"])
+    if len(files) > 2:
+        raise InputError(f"poses takes one record or two tables, got {len(files)} files")
+    if options["report_to"] is not None:
+        from schuler.report.page import graph_objects
+
+        graph_objects()
+    name = Path(files[0]).stem
+    common = {"gravity": options["gravity"], "initial": options["initial"], "name": name}
+    if not (math.isfinite(options["gravity"]) and 9.0 < options["gravity"] < 10.5):
+        raise InputError(f"--gravity must be of this Earth, in m/s^2, got {options['gravity']}")
+    if len(files) == 1:
+        from schuler.io import read
+
+        if options["gyro_scale"] is not None:
+            raise InputError("--gyro-scale goes with two tables of counts")
+        said = {k: options[k] for k in ("columns", "gyro", "accel", "axes") if options[k]}
+        record = read(files[0], options["mapping"], **said)
+        fit = calibrate_poses(record.time, record.accel, record.gyro, **common)
+    else:
+        import numpy as np
+
+        accel, gyro = (_table(path) for path in files)
+        if len(accel) != len(gyro) or np.abs(accel[:, 0] - gyro[:, 0]).max() > 0.005:
+            raise InputError(
+                f"{files[0]} and {files[1]} do not tell of the same instants: expected the same "
+                "times in both"
+            )
+        scale = options["gyro_scale"]
+        if scale is None:
+            raise InputError("say roughly what a count of the gyros is: --gyro-scale '0.01 deg/s'")
+        fit = calibrate_poses(
+            accel[:, 0], accel[:, 1:], gyro[:, 1:], counts=True,
+            gyro_scale=parse(scale, "angular rate", "--gyro-scale"), **common,
+        )  # fmt: skip
+    if options["out"] is not None:
+        fit.calibration.to_toml(options["out"])
+    if options["json_to"] is not None:
+        emit_json(_poses_json(fit), options["json_to"])
+    if options["report_to"] is not None:
+        from schuler.report.calibrate import poses_report
+
+        poses_report(fit, options["report_to"])
+    if options["json_to"] != "-":
+        _print_poses(fit)
+
+
+def _table(path: str) -> Any:
+    """Return a text table of time and three numbers (n, 4)."""
+    import warnings
+
+    import numpy as np
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # an empty file is said below
+            data = np.loadtxt(path, ndmin=2)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except ValueError as error:
+        raise InputError(
+            f"{path}: is not a table of numbers ({str(error).splitlines()[0]})"
+        ) from None
+    if data.shape[1] != 4 or len(data) < 100:
+        raise InputError(
+            f"{path}: expected 100 rows or more of time and three counts, got {data.shape[0]} rows "
+            f"of {data.shape[1]} columns"
+        )
+    return data
+
+
+def _poses_json(fit: PosesFit) -> dict[str, Any]:
+    import numpy as np
+
+    c = fit.calibration
+    turns = fit.turn_error.size
+    out: dict[str, Any] = {
+        "schema": "schuler.calibrate-poses/1",
+        "input": c.input,
+        "poses": len(fit.dwells),
+        "used": int(fit.used.sum()),
+        "residual_rms_m_s2": fit.rms,
+        "residual_m_s2": fit.residual.tolist(),
+        "accel": {"bias": c.accel_bias.tolist(), "matrix": c.accel_matrix.tolist(),
+                  "bias_sigma": c.sigma["accel_bias"].tolist(),
+                  "matrix_sigma": c.sigma["accel_matrix"].tolist()},
+        "gyro": None,
+        "turn_error_rms_deg": None,
+        "turn_error_before_rms_deg": None,
+        "unseen": fit.unseen,
+    }  # fmt: skip
+    if turns:
+        out["gyro"] = {"bias": c.gyro_bias.tolist(), "matrix": c.gyro_matrix.tolist(),
+                       "matrix_sigma": c.sigma["gyro_matrix"].tolist()}  # fmt: skip
+        for key, values in (("turn_error_rms_deg", fit.turn_error),
+                            ("turn_error_before_rms_deg", fit.turn_error_before)):  # fmt: skip
+            out[key] = float(np.rad2deg(np.sqrt(np.mean(values**2))))
+    return out
+
+
+def _print_poses(fit: PosesFit) -> None:
+    import numpy as np
+
+    c = fit.calibration
+    click.echo(f"{len(fit.dwells)} poses, {int(fit.used.sum())} used; |f| - gravity "
+               f"{1e3 * fit.rms:.3f} mm/s^2 rms, {1e3 * np.abs(fit.residual[fit.used]).max():.3f} "
+               "largest")  # fmt: skip
+    unit = "counts" if c.input == "counts" else "m/s^2"
+    for k, axis in enumerate("xyz"):
+        row = "  ".join(f"{v:12.6g}" for v in c.accel_matrix[k])
+        click.echo(f"accelerometer {axis}: bias {c.accel_bias[k]:12.6g} ± "
+                   f"{c.sigma['accel_bias'][k]:.2g} {unit}   matrix {row}")  # fmt: skip
+    if fit.turn_error.size:
+        for k, axis in enumerate("xyz"):
+            row = "  ".join(f"{v:12.6g}" for v in c.gyro_matrix[k])
+            click.echo(f"gyro {axis}: bias {c.gyro_bias[k]:12.6g}   matrix {row}   ± "
+                       f"{c.sigma['gyro_matrix'][k].max():.2g}")  # fmt: skip
+        rms = [np.rad2deg(np.sqrt(np.mean(v**2))) for v in (fit.turn_error_before, fit.turn_error)]
+        click.echo(f"{fit.turn_error.size} turns: the gyros miss gravity by {rms[1]:.3g} deg rms "
+                   f"({rms[0]:.3g} with the scale as given)")  # fmt: skip
+    for text in fit.unseen:
+        click.echo(f"not shown: {text}" if "left out" not in text else text)
+
+
+@command.command("centrifuge")
+@click.option("--dwell", type=Seconds(), default="100s", show_default=True, help="At a position.")
+@click.option("--positions", metavar="A,B,G;...", help="deg; the published scheme where left out.")
+@click.option("--simulate", "seed", type=int, metavar="SEED",
+              help="Simulate the test with the published truth, and filter it.")  # fmt: skip
+@click.option("--passes", default=4, show_default=True, help="Of the filter; 1: no iteration.")
+@click.option("--square-root", is_flag=True, help="Carry a square root of the covariance.")
+@click.option("--json", "json_to", metavar="OUT", help="Write the result as JSON (- : here).")
+@click.option("--report", "report_to", metavar="OUT.html", help="Draw what the test shows.")
+def centrifuge(**options: Any) -> None:
+    """Say what a centrifuge test shows of a platform's 45 coefficients, and how well.
+
+    \b
+      schuler calibrate centrifuge --dwell 100s
+      schuler calibrate centrifuge --simulate 1 --report platform.html
+    """  # noqa: D301
+    import numpy as np
+
+    from schuler.calibrate import (
+        PUBLISHED_POSITIONS,
+        Ekf,
+        Plant,
+        coefficient_names,
+        coefficient_units,
+        fit_platform,
+        judge,
+        published_truth,
+        simulate_platform,
+    )
+
+    check_outputs(options["json_to"], options["report_to"])
+    positions = np.array(PUBLISHED_POSITIONS, dtype=np.float64)
+    if options["positions"] is not None:
+        try:
+            positions = np.array(
+                [[float(v) for v in part.split(",")] for part in options["positions"].split(";")]
+            )
+        except ValueError:
+            raise InputError(
+                f"--positions: expected alpha,beta,gamma;... in deg, got '{options['positions']}'"
+            ) from None
+    plant = Plant()
+    found = judge(plant, positions, options["dwell"])
+    units, factor = coefficient_units()
+    truth = published_truth()
+    fit = None
+    if options["seed"] is not None:
+        rng = np.random.default_rng(options["seed"])
+        outputs = simulate_platform(plant, positions, options["dwell"], truth, rng)[0]
+        method = Ekf(passes=options["passes"], square_root=options["square_root"])
+        fit = fit_platform(plant, positions, outputs, method)
+    rows = []
+    for k, name in enumerate(coefficient_names()):
+        row: dict[str, Any] = {
+            "name": name, "unit": units[k], "published_true": float(truth[k] / factor[k]),
+            "sigma": float(found.sigma[k] / factor[k]), "estimate": None,
+            "published_estimate": PUBLISHED_ESTIMATES[k],
+        }  # fmt: skip
+        if fit is not None:
+            row["estimate"] = float(fit.value[k] / factor[k])
+        rows.append(row)
+    if options["json_to"] is not None:
+        emit_json(
+            {
+                "schema": "schuler.calibrate-centrifuge/1", "dwell_s": options["dwell"],
+                "positions": positions.tolist(), "objectives": found.values, "rows": rows,
+                "weakest": [{"singular_value": s, "parts": part} for s, part in found.weakest],
+            },
+            options["json_to"],
+        )  # fmt: skip
+    if options["report_to"] is not None:
+        from schuler.report.calibrate import platform_report
+
+        platform_report(plant, positions, options["dwell"], found, fit, options["report_to"])
+    if options["json_to"] == "-":
+        return
+    click.echo(f"sum of |rho| {found.values['sum-rho']:.2f}, worst sigma "
+               f"{found.relative.max():.3g} % of the published coefficient")  # fmt: skip
+    click.echo(f"{'':8} {'unit':9} {'true':>10} {'sigma':>10} {'estimate':>11} {'error %':>8}   "
+               f"{'published':>10} {'error %':>8}")  # fmt: skip
+    for row in rows:
+        own, error = "-", "-"
+        if row["estimate"] is not None:
+            own = f"{row['estimate']:.5g}"
+            error = f"{100 * (row['estimate'] / row['published_true'] - 1):.2f}"
+        printed = row["published_estimate"]
+        click.echo(
+            f"{row['name']:8} {row['unit']:9} {row['published_true']:10g} {row['sigma']:10.3g} "
+            f"{own:>11} {error:>8}   {printed:10g} "
+            f"{100 * (printed / row['published_true'] - 1):8.2f}"
+        )
+
+
+#: the source's table 2, in the order of `coefficient_names`
+PUBLISHED_ESTIMATES = (
+    7.3807, 7.7628, 1.6111, 1.0800, 1.0305, 0.9357, 1.0896, 1.0171, 0.9500, 1.0739, 1.0325, 0.9269,
+    0.0603, 0.0603, 0.0606, 0.0606, 0.0609, 0.0603, 0.0448, 0.0462, 0.0451, 0.0446, 0.0451, 0.0447,
+    0.0445, 0.0455, 0.0458, 3499.83, 4249.09, 6310.41, 159.75, 100.22, 1101.31, 12.02, 12.02, 11.99,
+    2.99, 3.00, 3.01, 5.00, 4.98, 4.95, 304.98, 305.10, 259.95,
+)  # fmt: skip
