@@ -13,7 +13,13 @@ from schuler.calibrate.centrifuge import (
     published_truth,
     scheme_information,
 )
-from schuler.calibrate.objective import Judgement, Objective, judge, time_to_reach
+from schuler.calibrate.objective import (
+    OBJECTIVES,
+    Judgement,
+    Objective,
+    judge,
+    time_to_reach,
+)
 from schuler.calibrate.plan import Limits, Plan, Problem, evaluate, explore, plan
 from schuler.calibrate.platform import Ekf, PlatformFit, fit_platform, simulate_platform
 from schuler.calibrate.poses import PosesFit, calibrate_poses, find_dwells
@@ -21,6 +27,7 @@ from schuler.calibrate.systematic import SystematicFit, calibrate_systematic
 from schuler.calibrate.turntable import TableFit, combine, rate_test, scheme, static_test
 
 __all__ = [
+    "OBJECTIVES",
     "PUBLISHED_POSITIONS",
     "PUBLISHED_TRUTH",
     "Calibration",
