@@ -128,9 +128,7 @@ def static_test(outputs: ArrayLike, truth: ArrayLike, sigma: float | None = None
         index = np.r_[i, 3 + 3 * i : 6 + 3 * i]
         covariance[np.ix_(index, index)] = one
     model = theta[1:].T / size
-    return TableFit(
-        theta[0], np.asarray(np.linalg.inv(model), np.float64), covariance, model, rms
-    )
+    return TableFit(theta[0], np.asarray(np.linalg.inv(model), np.float64), covariance, model, rms)
 
 
 def rate_test(

@@ -455,7 +455,7 @@ def invert_information(information, work, out):
             for k in range(j):
                 total -= work[i, k] * work[j, k]
             if i == j:
-                if not total > 1e-14:
+                if not total > 1e-11:
                     return False
                 work[i, i] = math.sqrt(total)
             else:

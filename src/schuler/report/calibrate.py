@@ -235,5 +235,3 @@ def platform_report(
             Section("Inputs", html=definition_table(rows, "What was judged")),
         ],
     )
-
-

@@ -1,0 +1,193 @@
+"""The commands `calibrate` and `plan`, and `align --calibration`."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import schuler as sc
+from schuler.calibrate import Calibration
+from tests.test_docs import schema
+
+
+@pytest.fixture
+def cli():
+    from click.testing import CliRunner
+
+    from schuler.cli import cli as group
+    from schuler.errors import SchulerError
+
+    def run(*words):
+        result = CliRunner().invoke(group, [str(w) for w in words])
+        if isinstance(result.exception, SchulerError):
+            return 2, str(result.exception), result.stdout
+        assert result.exception is None or isinstance(result.exception, SystemExit), result.output
+        return result.exit_code, result.output, result.stdout
+
+    return run
+
+
+def test_plan_gives_its_json(cli, tmp_path):
+    code, _, out = cli("plan", "centrifuge", "--rounds", 1, "--seed", 1, "--json", "-")
+    assert code == 0
+    data = json.loads(out)
+    schema("plan").validate(data)
+    assert data["objective"] < data["published_objective"]
+    assert len(data["positions"]) == 6
+    (tmp_path / "p.json").write_text(out, encoding="utf-8")
+    code, _, out = cli("plan", "centrifuge", "--rounds", 1, "--seed", 1, "--resume",
+                       tmp_path / "p.json", "--json", "-")  # fmt: skip
+    again = json.loads(out)
+    assert again["rounds"] == 2
+    assert again["objective"] <= data["objective"]
+
+
+def test_plan_draws_the_trade(cli, tmp_path):
+    pytest.importorskip("plotly")
+    code, text, _ = cli(
+        "plan", "centrifuge", "--positions", "4-5", "--total", "40s", "--rounds", 1, "--alpha",
+        "0,150", "--gamma", "0,150", "--report", tmp_path / "p.html", "--json", tmp_path / "p.json",
+    )  # fmt: skip
+    assert code == 0
+    assert "positions" in text
+    assert "The trade" in (tmp_path / "p.html").read_text(encoding="utf-8")
+    for each in json.loads((tmp_path / "p.json").read_text(encoding="utf-8"))["plans"]:
+        schema("plan").validate(each)
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--positions", "x"], "expected a number, or two"),
+        (["--alpha", "3"], "expected two numbers"),
+        (["--dwell", "3s"], "whole number of turns"),
+        (["--objective", "luck"], "unknown objective"),
+        (["--resume", "nowhere.json"], "cannot be read"),
+        (["--positions", "4-5", "--resume", "x"], "one number"),
+        (["--json", "no/such/folder.json"], "no folder"),
+    ],
+)
+def test_plan_s_bad_options_are_one_sentence(cli, words, text):
+    code, said, _ = cli("plan", "centrifuge", *words)
+    assert code == 2
+    assert text in said
+
+
+def test_plan_refuses_another_plan(cli, tmp_path):
+    path = tmp_path / "p.json"
+    for content in ("{}", "[1]", "nothing"):
+        path.write_text(content, encoding="utf-8")
+        code, said, _ = cli("plan", "centrifuge", "--resume", path)
+        assert code == 2
+        assert "is not a plan" in said
+    path.write_text(json.dumps({"positions": [[0, 0, 0]], "rounds": 1, "objective_name": "a",
+                                "dwell_s": 20.0}))  # fmt: skip
+    assert "another number" in cli("plan", "centrifuge", "--resume", path)[1]
+
+
+def test_centrifuge_prints_the_table_and_its_json(cli, tmp_path):
+    pytest.importorskip("plotly")
+    code, text, _ = cli("calibrate", "centrifuge", "--simulate", 1, "--dwell", "10s", "--json",
+                        tmp_path / "c.json", "--report", tmp_path / "c.html")  # fmt: skip
+    assert code == 0
+    assert text.count("\n") == 47
+    data = json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))
+    schema("calibrate-centrifuge").validate(data)
+    for row in data["rows"]:
+        assert abs(row["estimate"] - row["published_true"]) < 6 * row["sigma"]
+    page = (tmp_path / "c.html").read_text(encoding="utf-8")
+    assert "Weakest combinations" in page
+    assert cli("calibrate", "centrifuge", "--positions", "a,b")[0] == 2
+
+
+@pytest.mark.realdata
+def test_poses_on_the_real_record(cli, data_dir, tmp_path):
+    pytest.importorskip("plotly")
+    folder = data_dir / "imu_tk_xsens_multipos"
+    code, text, _ = cli(
+        "calibrate", "poses", folder / "xsens_acc.mat", folder / "xsens_gyro.mat", "--gravity",
+        9.8066, "--initial", "50s", "--gyro-scale", "0.01 deg/s", "--json", tmp_path / "p.json",
+        "--out", tmp_path / "p.toml", "--report", tmp_path / "p.html",
+    )  # fmt: skip
+    assert code == 0
+    assert "38 poses, 38 used" in text
+    data = json.loads((tmp_path / "p.json").read_text(encoding="utf-8"))
+    schema("calibrate-poses").validate(data)
+    assert data["residual_rms_m_s2"] <= 1.05e-3
+    assert Calibration.from_toml(tmp_path / "p.toml").input == "counts"
+    assert "What these poses do not show" in (tmp_path / "p.html").read_text(encoding="utf-8")
+
+
+def test_poses_from_one_record(cli, tmp_path):
+    from tests.calibrate.test_poses import BIAS, by_hand
+
+    t, f, w = by_hand(np.random.default_rng(1), poses=14)
+    rows = np.column_stack([t, w, f])
+    np.savetxt(tmp_path / "r.csv", rows, delimiter=",", header="t,gx,gy,gz,ax,ay,az", comments="")
+    code, text, _ = cli("calibrate", "poses", tmp_path / "r.csv", "--gyro", "rad/s", "--accel",
+                        "m/s^2", "--out", tmp_path / "c.toml")  # fmt: skip
+    assert code == 0, text
+    found = Calibration.from_toml(tmp_path / "c.toml")
+    np.testing.assert_allclose(found.accel_bias, BIAS, atol=0.02)
+
+
+def test_align_applies_a_calibration(cli, tmp_path, rng):
+    from dataclasses import replace
+
+    from schuler.motion import Static
+    from schuler.simulate import simulate
+
+    site = sc.Site(40.0)
+    record = simulate(Static(heading=50.0), site, 30.0, 100.0).record
+    bias = np.array([0.02, -0.03, 0.01])
+    sc.write(record, tmp_path / "true.parquet")
+    sc.write(replace(record, dvel=1.01 * record.dvel + 0.01 * bias), tmp_path / "bad.parquet")
+    Calibration(accel_bias=bias, accel_matrix=np.eye(3) / 1.01).to_toml(tmp_path / "c.toml")
+    fixes = []
+    for words in (["true.parquet"], ["bad.parquet"],
+                  ["bad.parquet", "--calibration", tmp_path / "c.toml"]):  # fmt: skip
+        code, text, out = cli("align", tmp_path / words[0], *words[1:], "--lat", 40, "--json", "-")
+        assert code == 0, text
+        fixes.append(json.loads(out))
+    pitch = [f["pitch_deg"] for f in fixes]
+    assert pitch[2] == pytest.approx(pitch[0], abs=1e-6)
+    assert abs(pitch[1] - pitch[0]) > 0.1
+    Calibration(input="counts").to_toml(tmp_path / "c.toml")
+    code, said, _ = cli("align", tmp_path / "bad.parquet", "--lat", 40, "--calibration",
+                        tmp_path / "c.toml")  # fmt: skip
+    assert code == 2
+    assert "raw counts" in said
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [("", "expected 100 rows"), ("1 2 x 4\n", "not a table of numbers"),
+     ("1 2 3\n" * 200, "expected 100 rows"), (None, "cannot be read")],
+)  # fmt: skip
+def test_bad_tables_are_one_sentence(cli, tmp_path, content, text):
+    path = tmp_path / "a.txt"
+    if content is not None:
+        path.write_text(content, encoding="utf-8")
+    code, said, _ = cli("calibrate", "poses", path, path, "--gyro-scale", "1 deg/s")
+    assert code == 2
+    assert text in said
+
+
+def test_poses_bad_options(cli, tmp_path):
+    good = tmp_path / "a.txt"
+    t = 0.01 * np.arange(200)
+    np.savetxt(good, np.column_stack([t, np.ones((200, 3))]))
+    late = tmp_path / "b.txt"
+    np.savetxt(late, np.column_stack([t + 1, np.ones((200, 3))]))
+    for words, text in (
+        ((good, good), "say roughly what a count"),
+        ((good, late, "--gyro-scale", "1 deg/s"), "same instants"),
+        ((good, good, good), "one record or two tables"),
+        ((good, good, "--gravity", "98"), "--gravity"),
+        ((good, "--gyro-scale", "1 deg/s"), "two tables of counts"),
+    ):
+        code, said, _ = cli("calibrate", "poses", *words)
+        assert code == 2
+        assert text in said
