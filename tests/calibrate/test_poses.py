@@ -128,3 +128,16 @@ def test_the_real_record_of_38_poses(data_dir):
 def test_dwells_do_not_depend_on_the_unit(rng):
     t, f, _ = by_hand(rng)
     np.testing.assert_array_equal(find_dwells(t, f), find_dwells(t, 1000.0 * f + 3e4))
+
+
+def test_a_steady_turn_about_the_vertical_is_no_pose(rng):
+    n = 6000
+    t = 0.01 * np.arange(n)
+    f = np.tile([0.0, 0.0, G], (n, 1)) + 0.02 * rng.normal(size=(n, 3))
+    w = 1e-3 * rng.normal(size=(n, 3))
+    w[2000:4000, 2] += 0.3
+    assert len(find_dwells(t, f)) == 1
+    found = find_dwells(t, f, w)
+    assert len(found) == 2
+    assert found[0, 1] <= 2000
+    assert found[1, 0] >= 4000

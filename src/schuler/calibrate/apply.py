@@ -56,9 +56,8 @@ class Calibration:
         for key in _SHAPES:
             value = np.asarray(getattr(self, key), dtype=np.float64)
             if value.shape != _SHAPES[key] or not np.isfinite(value).all():
-                raise InputError(
-                    f"calibration: {key} must be {' x '.join(map(str, _SHAPES[key]))} finite numbers"
-                )
+                size = " x ".join(map(str, _SHAPES[key]))
+                raise InputError(f"calibration: {key} must be {size} finite numbers")
             object.__setattr__(self, key, value)
         for key in ("gyro_matrix", "accel_matrix"):
             matrix = getattr(self, key)

@@ -91,7 +91,7 @@ class PlatformFit:
     @property
     def sigma(self) -> Array:
         """1 sigma of each coefficient, inside units."""
-        return np.sqrt(np.diag(self.covariance))
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
     def correlation(self) -> Array:
@@ -110,7 +110,7 @@ def prior_sigma(plant: Plant) -> Array:
             out.append(PRIOR["D_" if len(stem) == 3 else "D__"])
         else:
             out.append(PRIOR["k_" if name.startswith("k") else "th"])
-    return np.array(out) * coefficient_units(plant.d_oo)[1]
+    return np.asarray(np.array(out) * coefficient_units(plant.d_oo)[1])
 
 
 def simulate_platform(
@@ -150,7 +150,8 @@ def simulate_platform(
 
     def base_force(t: float) -> Array:
         angle = plant.omega * t
-        return swing[:, 0] + np.cos(angle) * swing[:, 1] + np.sin(angle) * swing[:, 2]
+        f = swing[:, 0] + np.cos(angle) * swing[:, 1] + np.sin(angle) * swing[:, 2]
+        return np.asarray(f)
 
     def slope(t: float, m: Array) -> Array:
         f = np.einsum("rpij,pj->rpi", m, base_force(t))

@@ -71,10 +71,10 @@ class PosesFit:
 
 
 def find_dwells(
-    time: ArrayLike, accel: ArrayLike, *, window: float = 1.0, initial: float = 10.0,
-    factor: float = 5.0, shortest: float = 2.0,
+    time: ArrayLike, accel: ArrayLike, gyro: ArrayLike | None = None, *, window: float = 1.0,
+    initial: float = 10.0, factor: float = 5.0, shortest: float = 2.0,
 ) -> Index:  # fmt: skip
-    """Find when an instrument lies still: the force's variance over a window stays small.
+    """Find when an instrument lies still: the variance over a window stays small.
 
     Parameters
     ----------
@@ -82,6 +82,8 @@ def find_dwells(
         s.
     accel : (n, 3) array_like
         In any unit.
+    gyro : (n, 3) array_like, optional
+        In any unit; a turn about the vertical is seen by the gyros only.
     window : float
         Length of the moving variance, s.
     initial : float
@@ -108,16 +110,22 @@ def find_dwells(
         raise InputError(
             f"the record is too short to find poses: it needs {initial:g} s of rest and a pose more"
         )
-    centred = f - f.mean(axis=0)
-    sums = np.vstack([np.zeros((1, 3)), np.cumsum(centred, axis=0)])
-    squares = np.vstack([np.zeros((1, 3)), np.cumsum(centred**2, axis=0)])
     a = np.clip(np.arange(len(t)) - half, 0, None)
     b = np.clip(np.arange(len(t)) + half + 1, None, len(t))
-    n = (b - a)[:, None]
-    mean = (sums[b] - sums[a]) / n
-    variance = np.sum((squares[b] - squares[a]) / n - mean**2, axis=1)
-    rest = float(np.median(variance[t - t[0] < initial]))
-    still = variance < factor**2 * max(rest, np.finfo(float).tiny)
+    begin = t - t[0] < initial
+    still = np.ones(len(t), dtype=bool)
+    for x in (f,) if gyro is None else (f, np.asarray(gyro, np.float64)):
+        centred = x - x[begin].mean(axis=0)
+        sums = np.vstack([np.zeros((1, 3)), np.cumsum(centred, axis=0)])
+        squares = np.vstack([np.zeros((1, 3)), np.cumsum(centred**2, axis=0)])
+        n = (b - a)[:, None]
+        mean = (sums[b] - sums[a]) / n
+        variance = np.sum((squares[b] - squares[a]) / n - mean**2, axis=1)
+        rest = max(float(np.median(variance[begin])), np.finfo(float).tiny)
+        still &= variance < factor**2 * rest
+        if x is not f:
+            # A steady turn about the vertical moves no force, and has no variance.
+            still &= np.sum(mean**2, axis=1) < factor**2 * rest
     edges = np.flatnonzero(np.diff(np.concatenate([[0], still.view(np.int8), [0]])))
     dwells = edges.reshape(-1, 2)
     # The window reaches over the edges: still there means still half a window further.
@@ -176,7 +184,9 @@ def calibrate_poses(
     if len(t) > 1 and not (np.diff(t) > 0).all():
         row = int(np.flatnonzero(~(np.diff(t) > 0))[0])
         raise InputError(f"time: row {row + 2} does not come after the row before")
-    found = find_dwells(t, f, initial=initial) if dwells is None else np.asarray(dwells, np.int64)
+    found = (
+        find_dwells(t, f, w, initial=initial) if dwells is None else np.asarray(dwells, np.int64)
+    )
     means = np.array([f[a:b].mean(axis=0) for a, b in found])
     x, cov, used, residual = _fit_forces(means, gravity)
     bias, matrix = _force_parts(x)

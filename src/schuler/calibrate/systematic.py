@@ -139,7 +139,7 @@ def _corrected(value: Array) -> Calibration:
     parts = []
     for k in (0, 12):
         matrix = np.eye(3) - value[k + 3 : k + 12].reshape(3, 3)
-        parts.append((np.linalg.solve(matrix, value[k : k + 3]), matrix))
+        parts.append((np.asarray(np.linalg.solve(matrix, value[k : k + 3]), np.float64), matrix))
     return Calibration(parts[0][0], parts[1][0], parts[0][1], parts[1][1])
 
 

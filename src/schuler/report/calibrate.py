@@ -199,7 +199,10 @@ def platform_report(
         ("noise", f"{plant.noise:g} ug at {plant.sampling:g} Hz"),
         ("attitude before a position", f"{1e3 * plant.attitude_prior:g} mrad"),
         ("dwell", f"{dwell:g} s"),
-        *((f"position {i}", ", ".join(f"{v:g}°" for v in row)) for i, row in enumerate(positions, 1)),
+        *(
+            (f"position {i}", ", ".join(f"{v:g}°" for v in row))
+            for i, row in enumerate(positions, 1)
+        ),
         *((name, f"{value:.5g}") for name, value in found.values.items()),
     ]  # fmt: skip
     write_page(

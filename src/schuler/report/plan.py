@@ -123,8 +123,8 @@ def _trade(plans: Sequence[Plan], name: str) -> Drawing:
     layout = plot_layout(400, "positions", name, hovermode="closest")
     layout["xaxis"].update(dtick=1)
     layout["yaxis2"] = {
-        "title": {"text": "worst sigma, %"}, "overlaying": "y", "side": "right", "rangemode": "tozero",
-        "showgrid": False,
+        "title": {"text": "worst sigma, %"}, "overlaying": "y", "side": "right",
+        "rangemode": "tozero", "showgrid": False,
     }  # fmt: skip
     layout["margin"] = {**layout.get("margin", {}), "r": 70}
     figure = figure_of(
