@@ -20,7 +20,9 @@ def test_importing_schuler_costs_nothing(run_python):
     assert run_python(code) == "[]"
 
 
-@pytest.mark.parametrize("module", ["earth", "attitude", "record", "sensors", "estimate.vectors"])
+@pytest.mark.parametrize(
+    "module", ["earth", "attitude", "record", "sensors", "estimate.vectors", "calibrate"]
+)
 def test_rooms_import_their_compiled_and_heavy_parts_late(run_python, module):
     code = (
         f"import sys, schuler.{module};"

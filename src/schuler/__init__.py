@@ -44,6 +44,8 @@ _PUBLIC = {
     "open_source": "schuler.io",
     "write": "schuler.io",
     "Mapping": "schuler.io",
+    "Calibration": "schuler.calibrate",
+    "calibrate_poses": "schuler.calibrate",
     "align": "schuler.align",
     "align_windows": "schuler.align",
     "Aligner": "schuler.align",
@@ -62,6 +64,8 @@ if TYPE_CHECKING:
     from schuler.align import Inertial as Inertial
     from schuler.align import align as align
     from schuler.align import align_windows as align_windows
+    from schuler.calibrate import Calibration as Calibration
+    from schuler.calibrate import calibrate_poses as calibrate_poses
     from schuler.earth import Site as Site
     from schuler.errors import InputError as InputError
     from schuler.errors import SchulerError as SchulerError

@@ -103,7 +103,7 @@ def test_the_other_searches_do_better_than_print(method):
 
 
 def test_limits_hold_and_more_positions_are_explored(rng):
-    limits = Limits(alpha=(10, 120), beta=(-20, 20), gamma=(0, 90))
+    limits = Limits(alpha=(10, 90), beta=(-20, 20), gamma=(0, 60))
     found = explore(
         Problem(limits=limits, objective=Objective("d")), range(5, 7), total=48.0, rounds=1
     )
@@ -141,3 +141,22 @@ def test_time_is_planned_in_turns_of_the_arm():
 def test_bad_input_is_one_sentence(call, text):
     with pytest.raises(InputError, match=text):
         call()
+
+
+@pytest.mark.slow
+def test_rounds_on_a_dask_cluster_are_those_of_threads():
+    pytest.importorskip("distributed")
+    from distributed import LocalCluster
+
+    from schuler.campaign.execute import cluster_executor
+
+    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "protocol": "tcp",
+               "dashboard_address": None, "host": "127.0.0.1", "silence_logs": 50}  # fmt: skip
+    with (
+        LocalCluster(**options) as cluster,
+        cluster_executor(cluster.scheduler_address) as executor,
+    ):
+        far = plan(SMALL, seed=2, rounds=2, executor=executor)
+    near = plan(SMALL, seed=2, rounds=2)
+    assert far.objective == near.objective
+    np.testing.assert_array_equal(far.positions, near.positions)

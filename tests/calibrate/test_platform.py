@@ -42,10 +42,9 @@ def test_fifty_runs_are_unbiased_consistent_and_reach_the_limit(outputs, limit):
     # Each of 45 means within 4 standard errors: a false alarm in 350 such tests.
     sigma = np.sqrt(np.diag(limit))
     assert np.abs(errors.mean(axis=0) / sigma).max() * np.sqrt(RUNS) < 4.0
-    # All coefficients together: within 1.2 of the limit; each: the chi-square bound at 1e-5.
+    # Each within 1.2 of the limit: with these seeds; of 50 runs one in 45 may chance to be above.
     rms = np.sqrt(np.mean(errors**2, axis=0)) / sigma
-    assert np.sqrt(np.mean(rms**2)) < 1.2
-    assert (rms**2 * RUNS).max() < chi_square_band(RUNS, 2e-5)[1]
+    assert rms.max() < 1.2
     # Normalised errors: false alarm 1e-3.
     nees = sum(e @ np.linalg.solve(f.covariance, e) for e, f in zip(errors, fits, strict=True))
     low, high = chi_square_band(45 * RUNS, 1e-3)
@@ -101,6 +100,23 @@ def test_drift_noise_loosens_the_gyros():
     still, loose = (fit_platform(Plant(), PUBLISHED_POSITIONS, z, Ekf(1, drift_noise=n))
                     for n in (0.0, 0.1))  # fmt: skip
     assert (loose.sigma[:27] > 1.5 * still.sigma[:27]).all()
+
+
+def test_two_levels_of_force_find_d_oo():
+    plant = Plant(d_oo=True)
+    positions = [*PUBLISHED_POSITIONS, *PUBLISHED_POSITIONS]
+    forces = [10.0] * 6 + [5.0] * 6
+    truth = published_truth()
+    truth = np.concatenate([truth[:27], truth[12:15], truth[27:]])
+    rng = np.random.default_rng(5)
+    z = simulate_platform(plant, positions, 10.0, truth, rng, forces=forces)[0]
+    fit = fit_platform(plant, positions, z, forces=forces)
+    error = fit.value - truth
+    # 48 numbers, normalised: false alarm 1e-3.
+    low, high = chi_square_band(48, 1e-3)
+    assert low < error @ np.linalg.solve(fit.covariance, error) < high
+    limit = np.linalg.inv(scheme_information(plant, positions, 10.0, forces))
+    np.testing.assert_allclose(fit.sigma, np.sqrt(np.diag(limit)), rtol=0.05)
 
 
 @pytest.mark.parametrize(
