@@ -161,6 +161,48 @@ def test_align_applies_a_calibration(cli, tmp_path, rng):
     assert "raw counts" in said
 
 
+@pytest.mark.slow
+def test_systematic_finds_biases_from_turns(cli, tmp_path):
+    from schuler.calibrate import SYSTEMATIC_NAMES
+    from schuler.constants import DEG_PER_HOUR, MICRO_G
+    from schuler.motion.turntable import Dwell, Turntable
+    from schuler.simulate import simulate
+    from tests.calibrate.test_turntable import sequence
+
+    table = {
+        "gyro": {"bias": "0.02 deg/h", "angle_random_walk": "0.002 deg/sqrt(h)"},
+        "accelerometer": {"bias": "50 ug", "velocity_random_walk": "5 ug/sqrt(Hz)"},
+    }
+    (tmp_path / "s.toml").write_text(
+        "\n".join(f"[{k}]\n" + "\n".join(f'{a} = "{b}"' for a, b in v.items())
+                  for k, v in table.items())
+    )  # fmt: skip
+    turns = Turntable((Dwell(100.0), *sequence().steps))
+    gyro = np.array([0.02, -0.03, 0.01]) * DEG_PER_HOUR
+    accel = np.array([50.0, -60.0, 30.0]) * MICRO_G
+    made = simulate(turns, sc.Site(34.0), np.floor(turns.period), 50.0,
+                    sc.ImuSpec.from_dict(table), np.random.default_rng(3), gyro_bias=gyro,
+                    accel_bias=accel)  # fmt: skip
+    sc.write(made.record, tmp_path / "turns.parquet")
+    code, text, _ = cli(
+        "calibrate", "systematic", tmp_path / "turns.parquet", "--lat", 34, "--spec",
+        tmp_path / "s.toml", "--align", "100s", "--out", tmp_path / "c.toml", "--json",
+        tmp_path / "c.json",
+    )  # fmt: skip
+    assert code == 0, text
+    data = json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))
+    schema("calibrate-systematic").validate(data)
+    true = dict.fromkeys(SYSTEMATIC_NAMES, 0.0)
+    true |= {f"gyro bias {a}": v for a, v in zip("xyz", gyro, strict=True)}
+    true |= {f"accelerometer bias {a}": v for a, v in zip("xyz", accel, strict=True)}
+    for name, row in data["values"].items():
+        assert abs(row["value"] - true[name]) <= 4.5 * row["sigma"], name
+    np.testing.assert_allclose(Calibration.from_toml(tmp_path / "c.toml").accel_bias, accel,
+                               atol=5 * MICRO_G)  # fmt: skip
+    assert cli("calibrate", "systematic", tmp_path / "turns.parquet", "--spec",
+               "navigation-fog")[0] == 2  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("content", "text"),
     [("", "expected 100 rows"), ("1 2 x 4\n", "not a table of numbers"),

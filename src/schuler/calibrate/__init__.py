@@ -23,6 +23,7 @@ from schuler.calibrate.objective import (
 from schuler.calibrate.plan import Limits, Plan, Problem, evaluate, explore, plan
 from schuler.calibrate.platform import Ekf, PlatformFit, fit_platform, simulate_platform
 from schuler.calibrate.poses import PosesFit, calibrate_poses, find_dwells
+from schuler.calibrate.systematic import NAMES as SYSTEMATIC_NAMES
 from schuler.calibrate.systematic import SystematicFit, calibrate_systematic
 from schuler.calibrate.turntable import TableFit, combine, rate_test, scheme, static_test
 
@@ -30,6 +31,7 @@ __all__ = [
     "OBJECTIVES",
     "PUBLISHED_POSITIONS",
     "PUBLISHED_TRUTH",
+    "SYSTEMATIC_NAMES",
     "Calibration",
     "Ekf",
     "Judgement",

@@ -13,11 +13,10 @@ the accelerometers' matrix are zero by that choice).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from schuler.attitude import quat_to_matrix
 from schuler.calibrate.apply import Calibration
@@ -64,7 +63,7 @@ class SystematicFit:
 
 
 def calibrate_systematic(
-    record: ImuRecord, site: Site, start: Sequence[float], *, still_rate: float = 0.05 * DEG,
+    record: ImuRecord, site: Site, start: ArrayLike, *, still_rate: float = 0.05 * DEG,
     gyro_noise: float = 0.003 * DEG / 60.0, accel_noise: float = 20.0 * MICRO_G,
     velocity_noise: float = 1e-3, attitude_prior: float = 0.1 * DEG,
     gyro_bias_prior: float = 1.0 * DEG_PER_HOUR, accel_bias_prior: float = 2000.0 * MICRO_G,
@@ -76,7 +75,7 @@ def calibrate_systematic(
     ----------
     record : ImuRecord
     site : Site
-    start : (4,) sequence of float
+    start : (4,) array_like
         q_b^n at the start, as the table or an alignment gives it.
     still_rate : float
         The instrument rests where its mean rate over a block is below this, rad/s.

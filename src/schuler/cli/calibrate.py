@@ -1,4 +1,4 @@
-"""The command ``schuler calibrate``: coefficients from poses, and from a centrifuge."""
+"""The command ``schuler calibrate``: coefficients from poses, turns and a centrifuge."""
 
 from __future__ import annotations
 
@@ -8,11 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from schuler.cli.common import Seconds, check_outputs, emit_json
+from schuler.cli.common import (
+    Seconds,
+    check_outputs,
+    emit_json,
+    file_options,
+    open_file,
+    site_options,
+    site_or_none,
+)
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.calibrate.poses import PosesFit
+    from schuler.calibrate.systematic import SystematicFit
 
 __all__ = ["command"]
 
@@ -174,6 +183,84 @@ def _print_poses(fit: PosesFit) -> None:
                    f"({rms[0]:.3g} with the scale as given)")  # fmt: skip
     for text in fit.unseen:
         click.echo(f"not shown: {text}" if "left out" not in text else text)
+
+
+@command.command("systematic")
+@file_options
+@site_options
+@click.option("--align", "rest", type=Seconds(), default="60s", show_default=True,
+              help="Rest at the start, by which the instrument is aligned.")  # fmt: skip
+@click.option("--spec", required=True, metavar="GRADE|TOML",
+              help="The instrument: its noise, and how large its biases may be.")  # fmt: skip
+@click.option("--out", metavar="TOML", help="Write the calibration for `schuler align`.")
+@click.option("--json", "json_to", metavar="OUT", help="Write the result as JSON (- : here).")
+def systematic(**options: Any) -> None:
+    """Calibrate FILE from a navigator's errors: turned on the spot, at rest between the turns.
+
+    \b
+      schuler calibrate systematic turns.csv --lat 48 --spec navigation-fog --out mine.toml
+    """  # noqa: D301
+    from schuler.align import Aligner
+    from schuler.calibrate import SYSTEMATIC_NAMES, calibrate_systematic
+    from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G
+    from schuler.record import ImuRecord
+    from schuler.sensors import load_spec
+
+    rest, out, json_to = (options.pop(key) for key in ("rest", "out", "json_to"))
+    spec = load_spec(options.pop("spec"))
+    assert spec is not None
+    check_outputs(out, json_to)
+    begin, end = options.pop("start"), options.pop("stop")
+    source, finish = open_file(options)
+    site = site_or_none(options, source)
+    if site is None:
+        raise InputError("the navigator needs its place: say --lat (and --height)")
+    record = ImuRecord.concatenate(list(source.chunks(start=begin, stop=end)))
+    aligner = Aligner(site, None, spec, at="start")
+    aligner.update(record.between(stop=record.start + rest))
+    fix = aligner.solution()
+    # Neither noise nor priors may be zero, whatever a specification leaves out.
+    settings = {
+        "attitude_prior": max(0.02, 1.5 * max(fix.sigma_arcmin) / 60.0) * DEG,
+        "gyro_noise": max(spec.gyro.angle_random_walk, 1e-7),
+        "accel_noise": max(spec.accelerometer.velocity_random_walk, 1e-5),
+        "gyro_bias_prior": max(3.0 * spec.gyro.bias, 0.01 * DEG_PER_HOUR),
+        "accel_bias_prior": max(3.0 * spec.accelerometer.bias, 10.0 * MICRO_G),
+    }
+    fit = calibrate_systematic(record, site, fix.quaternion, **settings)
+    if out is not None:
+        fit.calibration.to_toml(out)
+    if json_to is not None:
+        emit_json(
+            {
+                "schema": "schuler.calibrate-systematic/1",
+                "values": {
+                    name: {"value": float(v), "sigma": float(s)}
+                    for name, v, s in zip(SYSTEMATIC_NAMES, fit.value, fit.sigma, strict=True)
+                },
+                "unseen": fit.unseen,
+                "mean_squared_innovation": float(fit.nis),
+            },
+            json_to,
+        )
+    if json_to != "-":
+        _print_systematic(fit)
+    finish()
+
+
+def _print_systematic(fit: SystematicFit) -> None:
+    from schuler.calibrate import SYSTEMATIC_NAMES
+    from schuler.units import to_unit
+
+    for name, value, sigma in zip(SYSTEMATIC_NAMES, fit.value, fit.sigma, strict=True):
+        if sigma == 0.0:
+            continue
+        unit = "ppm"
+        if "bias" in name:
+            unit = "deg/h" if name.startswith("gyro") else "ug"
+        click.echo(f"{name:21} {to_unit(value, unit):12.5g} ± {to_unit(sigma, unit):.2g} {unit}")
+    for name in fit.unseen:
+        click.echo(f"not shown: {name}")
 
 
 @command.command("centrifuge")
