@@ -96,7 +96,7 @@ def calibrate_systematic(
     """
     q0 = np.asarray(start, np.float64)
     if q0.shape != (4,) or abs(np.linalg.norm(q0) - 1.0) > 1e-6:
-        raise InputError(f"start: expected a unit quaternion (w, x, y, z), got {start}")
+        raise InputError(f"start: expected a unit quaternion (w, x, y, z), got {q0.tolist()}")
     step = float(np.median(record.dt)) if len(record) else 0.0
     size = max(1, round(block / step)) if step else 0
     if size == 0 or len(record) < 100 * size:
