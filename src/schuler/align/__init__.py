@@ -15,6 +15,7 @@ from schuler.align.disturbance import Residual, residual
 from schuler.align.fine import FinePass
 from schuler.align.latitude import LatitudeFix, align_without_latitude
 from schuler.align.limit import Limit, Position, limit, load_positions, position_limit
+from schuler.align.live import LiveAligner
 from schuler.align.methods import (
     METHODS,
     PREFILTERS,
@@ -45,6 +46,7 @@ __all__ = [
     "Inertial",
     "LatitudeFix",
     "Limit",
+    "LiveAligner",
     "Method",
     "Position",
     "Residual",

@@ -266,6 +266,35 @@ class Aligner:
                 wanted = 1
         self._subsamples = int(wanted)
 
+    def arrays(self) -> dict[str, Array]:
+        """Return all that a later aligner needs to go on in this one's place."""
+        return {
+            "tracker": self._state.copy(),
+            "tracker_nodes": self._nodes[: int(self._state[73])].copy(),
+            "tracker_tail": np.stack(self._tail),
+            "tracker_setting": np.array([self._subsamples, *self._flags]),
+            **self._summariser.arrays(),
+        }
+
+    def restore(self, arrays: dict[str, Array], name: str = "record") -> None:
+        """Go on in the place of the aligner that gave the arrays, made alike.
+
+        Raises
+        ------
+        InputError
+            If the arrays are not those of this version's aligner.
+        """
+        nodes = arrays["tracker_nodes"]
+        if arrays["tracker"].shape != self._state.shape or nodes.shape[1] != self._nodes.shape[1]:
+            raise InputError("the saved state is not one of this version's aligner")
+        self._state[:] = arrays["tracker"]
+        self._nodes[: len(nodes)] = nodes
+        self._tail = (arrays["tracker_tail"][0], arrays["tracker_tail"][1])
+        setting = arrays["tracker_setting"]
+        self._subsamples, self._flags = int(setting[0]), (float(setting[1]), float(setting[2]))
+        self._name = name
+        self._summariser.restore(arrays)
+
     def history(self) -> History:
         """Return the pass so far, with the samples that wait for a full update worked in."""
         from schuler.kernels.tracking import PLAIN

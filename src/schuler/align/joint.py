@@ -236,8 +236,8 @@ def joint(h: History, site: Site, spec: ImuSpec | None, *, free_latitude: bool =
         -gain_v[:, :3] @ local[:, :2],
     )  # fmt: skip
     return Joint(
-        r, biases, covariance[:9, :9], w, -gain_a[:, :3] @ local, np.asarray(spread), levels, h, attitude,
-        dwells, _share(series, gain_a, gain_v, local[m // 2, 2]), series.sway_levels,
+        r, biases, covariance[:9, :9], w, -gain_a[:, :3] @ local, np.asarray(spread), levels, h,
+        attitude, dwells, _share(series, gain_a, gain_v, local[m // 2, 2]), series.sway_levels,
         dwells == ((0, m),) and len(series.attitude_rows) > 0, latitude,
     )  # fmt: skip
 

@@ -16,6 +16,9 @@ __all__ = ["cli", "main"]
 _COMMANDS = {
     "info": ("schuler.cli.info", "Look at a record: rate, gravity, Earth rate, noise, hints."),
     "align": ("schuler.cli.align", "Find north: heading, pitch and roll with their uncertainty."),
+    "compare": ("schuler.cli.compare", "Run every method and prefilter on one record."),
+    "north": ("schuler.cli.north", "Find north with one gyro on an indexing table."),
+    "live": ("schuler.cli.live", "Align samples as they come: UDP, a serial port or a pipe."),
     "limit": ("schuler.cli.limit", "Say how good an alignment can be at all: no record needed."),
     "simulate": ("schuler.cli.simulate", "Make a record, and its truth, from a scenario file."),
     "campaign": ("schuler.cli.campaign", "Simulate and align many times: is sigma what it says?"),

@@ -125,6 +125,33 @@ class Intake:
         """Return what has been found so far."""
         return Quality.from_state(self._state, self._nominal or 0.0, self.kind)
 
+    def arrays(self) -> dict[str, Array]:
+        """Return all that a later intake needs to go on in this one's place."""
+        times = [t for t, _, _ in self._waiting]
+        rows = [v for _, v, _ in self._waiting]
+        return {
+            "intake": self._state.copy(),
+            "intake_nominal": np.array([self._nominal or 0.0]),
+            "intake_times": np.concatenate([np.empty(0), *times]),
+            "intake_rows": np.concatenate([np.empty((0, 6)), *rows]),
+        }
+
+    def restore(self, arrays: dict[str, Array]) -> None:
+        """Go on in the place of the intake that gave the arrays, opened alike.
+
+        Raises
+        ------
+        InputError
+            If the arrays are not those of an intake.
+        """
+        if arrays["intake"].shape != self._state.shape:
+            raise InputError("the saved state is not one of this version's intake")
+        self._state = arrays["intake"].copy()
+        self._nominal = float(arrays["intake_nominal"][0]) or None
+        times = arrays["intake_times"]
+        self._waiting = [(times, arrays["intake_rows"], None)] if len(times) else []
+        self._waiting_rows = len(times)
+
     # ------------------------------------------------------------------------------
 
     def _check_steps(self, time: Array, dt: Array) -> None:

@@ -181,6 +181,15 @@ class Summariser:
         """Take a chunk of three gyros and three accelerometers."""
         self._kernel(self._state, self._table, record.time, record.dt, record.dtheta, record.dvel)
 
+    def arrays(self) -> dict[str, Array]:
+        """Return all that a later summariser needs to go on in this one's place."""
+        return {"summary": self._state.copy(), "summary_table": self._table.copy()}
+
+    def restore(self, arrays: dict[str, Array]) -> None:
+        """Go on in the place of the summariser that gave the arrays."""
+        self._state[:] = arrays["summary"]
+        self._table[:] = arrays["summary_table"]
+
     def summary(self) -> Summary:
         """Return the summary of what has been taken.
 

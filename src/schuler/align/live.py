@@ -1,0 +1,185 @@
+"""Alignment of samples as they come, with a state that can be saved and taken up again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler._files import replacing
+from schuler._version import __version__
+from schuler.align.aligner import Aligner
+from schuler.align.methods import METHODS, Fine, Gyrocompass
+from schuler.align.result import Alignment
+from schuler.earth import Site
+from schuler.errors import InputError
+from schuler.io.packets import Reorder
+from schuler.record import Intake
+from schuler.sensors import ImuSpec
+
+__all__ = ["LiveAligner"]
+
+Sample = tuple[int, float, tuple[float, ...]]
+
+
+class LiveAligner:
+    """Take samples in any order; give the alignment at any time.
+
+    Lost samples are bridged as gaps of a record are, repeated and late ones left out.
+
+    Parameters
+    ----------
+    site : Site
+    kind : {"rates", "mean-rates", "increments"}
+        What the values are.
+    method : str, optional
+        A name of `METHODS`; those that need the whole record are refused.
+    spec : ImuSpec, str or path, optional
+    depth : int
+        Samples that are held while one is missing.
+    max_gap : float
+        Longest gap that is bridged, s.
+
+    Raises
+    ------
+    InputError
+        For an unknown method, or one that needs the whole record.
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        kind: str = "increments",
+        method: str | None = None,
+        spec: ImuSpec | str | Path | None = None,
+        *,
+        depth: int = 64,
+        max_gap: float = 5.0,
+    ) -> None:
+        self.aligner = Aligner(site, method, spec)
+        if isinstance(self.aligner.method, (Fine, Gyrocompass)):
+            live = [n for n, m in METHODS.items() if not isinstance(m, (Fine, Gyrocompass))]
+            raise InputError(
+                f"the method {self.aligner.method} needs the whole record and cannot run live; "
+                f"take one of {', '.join(live)}"
+            )
+        self._name = method or "auto"
+        self._max_gap = max_gap
+        self.intake = Intake(kind, max_gap=max_gap, name="live")
+        self.order = Reorder(depth)
+
+    @property
+    def samples(self) -> int:
+        """Samples that were aligned so far."""
+        return self.aligner.samples
+
+    @property
+    def last_number(self) -> int | None:
+        """Number of the next sample that is expected."""
+        return self.order.expected
+
+    def push(self, samples: Iterable[Sample]) -> None:
+        """Take samples as they came.
+
+        Raises
+        ------
+        InputError
+            If time goes backward though the numbers go on, or a gap is too long.
+        """
+        self._take(self.order.push(samples))
+
+    def finish(self) -> None:
+        """Take what is still held: the stream has ended."""
+        self._take(self.order.flush())
+        rest = self.intake.close()
+        if len(rest):
+            self.aligner.update(rest)
+
+    def _take(self, samples: list[Sample]) -> None:
+        if not samples:
+            return
+        time = np.array([s[1] for s in samples])
+        chunk = self.intake.push(time, np.array([s[2] for s in samples]))
+        if len(chunk):
+            self.aligner.update(chunk)
+
+    def solution(self) -> Alignment:
+        """Return the alignment so far.
+
+        Raises
+        ------
+        InputError
+            If there are too few samples yet.
+        """
+        return self.aligner.solution()
+
+    def counts(self) -> dict[str, int]:
+        """Return what became of the samples."""
+        return {
+            "aligned": self.samples, "lost": self.order.lost, "repeated": self.order.repeated,
+            "late": self.order.late, "held": len(self.order.held),
+        }  # fmt: skip
+
+    # -- saving ------------------------------------------------------------------------
+
+    def _meta(self) -> dict[str, Any]:
+        site, spec = self.aligner.site, self.aligner.spec
+        return {
+            "schuler": __version__, "site": [site.lat, site.lon, site.height],
+            "kind": self.intake.kind, "method": self._name,
+            "spec": None if spec is None else spec.describe(),
+        }  # fmt: skip
+
+    def save(self, path: str | Path) -> None:
+        """Write the state (npz), whole or not at all.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        arrays = {**self.aligner.arrays(), **self.intake.arrays()}
+        held = list(self.order.held.values())
+        arrays["held"] = np.array([[n, t, *v] for n, t, v in held]).reshape(len(held), 8)
+        o = self.order
+        arrays["order"] = np.array(
+            [-1 if o.expected is None else o.expected, o.lost, o.repeated, o.late], np.float64
+        )
+        arrays["meta"] = np.frombuffer(json.dumps(self._meta()).encode(), np.uint8)
+        with replacing(path) as temporary, temporary.open("wb") as file:
+            np.savez(file, **arrays)  # type: ignore[arg-type]
+
+    def load(self, path: str | Path) -> None:
+        """Take up a state that was saved with the same site, method, specification and version.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read, or belongs to another alignment, saying what differs.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+            meta = json.loads(bytes(arrays.pop("meta")).decode())
+        except (OSError, ValueError, KeyError, EOFError) as error:
+            raise InputError(
+                f"{path}: is not a saved state of a live alignment ({error})"
+            ) from None
+        mine = json.loads(json.dumps(self._meta()))
+        for key, value in mine.items():
+            if meta.get(key) != value:
+                raise InputError(
+                    f"{path}: was saved with {key} = {meta.get(key)}, now it is {value}; start "
+                    "anew with another file, or say what was said before"
+                )
+        expected, lost, repeated, late = (int(v) for v in arrays["order"])
+        held = {int(r[0]): (int(r[0]), float(r[1]), tuple(map(float, r[2:])))
+                for r in arrays["held"]}  # fmt: skip
+        self.order = Reorder(
+            self.order.depth, lost, repeated, late, None if expected < 0 else expected, held
+        )
+        self.intake.restore(arrays)
+        self.aligner.restore(arrays, name="live")

@@ -1,0 +1,90 @@
+"""The command ``schuler compare``, all methods and prefilters on one record."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import click
+
+from schuler.cli.common import (
+    Seconds,
+    check_outputs,
+    emit_json,
+    file_options,
+    open_file,
+    progress,
+    say_warnings,
+    site_options,
+    site_or_none,
+)
+from schuler.errors import InputError
+
+__all__ = ["command"]
+
+
+@click.command("compare", context_settings={"help_option_names": ["-h", "--help"]})
+@file_options
+@site_options
+@click.option(
+    "--spec",
+    metavar="GRADE|TOML",
+    help="The instrument: navigation-rlg, navigation-fog, tactical-fog, industrial-mems or a file.",
+)
+@click.option("--method", "methods", metavar="LIST", help="Methods, with commas; all without it.")
+@click.option(
+    "--prefilter", "prefilters", metavar="LIST",
+    help="Prefilters, with commas, each before every method that is named (none: without).",
+)  # fmt: skip
+@click.option("--windows", type=Seconds(), help="Length of the windows for the repeatability.")
+@click.option("--json", "json_to", metavar="OUT", help="Write the rows as JSON (- : here).")
+@click.option("--report", "report_to", metavar="OUT.html", help="Write an interactive report.")
+def command(**options: Any) -> None:
+    """Run every method and prefilter on FILE and put the results side by side.
+
+    \b
+      schuler compare truck.imu --spec navigation-rlg --windows 100s
+      schuler compare truck.imu --method centred,kalman --prefilter none,emd --json -
+    """  # noqa: D301
+    from schuler.align.compare import DEFAULT_PAIRS, compare
+    from schuler.record import ImuRecord
+
+    spec, methods, prefilters, window, json_to, report_to = (
+        options.pop(k) for k in ("spec", "methods", "prefilters", "windows", "json_to", "report_to")
+    )
+    start, stop = options.pop("start"), options.pop("stop")
+    source, finish = open_file(options)
+    site = site_or_none(options, source)
+    if site is None:
+        raise InputError("the latitude is needed to find north: say --lat (and --height)")
+    check_outputs(json_to, report_to)
+    if report_to is not None:
+        from schuler.report.page import graph_objects
+
+        graph_objects()  # a missing library is said before the work, too
+    pairs = DEFAULT_PAIRS
+    if methods or prefilters:
+        names = [m.strip() for m in (methods or "auto").split(",")]
+        filters = [p.strip() for p in (prefilters or "none").split(",")]
+        pairs = tuple((m, p) for p in filters for m in names)
+    with progress(source, source.chunks(start=start, stop=stop)) as chunks:
+        record = ImuRecord.concatenate(list(chunks), quality=source.quality)
+
+    def show(text: str) -> None:
+        click.echo(f"\r\x1b[K{text}", err=True, nl=False)
+
+    found = compare(
+        record, site, spec, pairs, window=window, progress=show if sys.stderr.isatty() else None
+    )
+    if sys.stderr.isatty():
+        click.echo("\r\x1b[K", err=True, nl=False)
+    if json_to is not None:
+        emit_json(found.to_dict(), json_to)
+    if report_to is not None:
+        from schuler.report.compare import comparison_report
+
+        comparison_report(found, report_to)
+    if json_to != "-":
+        click.echo(str(found))
+    finish()
+    say_warnings(source.notes)
