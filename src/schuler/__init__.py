@@ -52,6 +52,11 @@ _PUBLIC = {
     "Alignment": "schuler.align",
     "Analytic": "schuler.align",
     "Inertial": "schuler.align",
+    "navigate": "schuler.navigate",
+    "Navigator": "schuler.navigate",
+    "Start": "schuler.navigate",
+    "evaluate": "schuler.navigate",
+    "SensorArray": "schuler.sensors",
     "report": "schuler.report",
 }
 
@@ -73,9 +78,14 @@ if TYPE_CHECKING:
     from schuler.io import open_source as open_source
     from schuler.io import read as read
     from schuler.io import write as write
+    from schuler.navigate import Navigator as Navigator
+    from schuler.navigate import Start as Start
+    from schuler.navigate import evaluate as evaluate
+    from schuler.navigate import navigate as navigate
     from schuler.record import ImuRecord as ImuRecord
     from schuler.report import report as report
     from schuler.sensors import ImuSpec as ImuSpec
+    from schuler.sensors import SensorArray as SensorArray
 
 
 def __getattr__(name: str) -> Any:

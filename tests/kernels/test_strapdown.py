@@ -7,7 +7,6 @@ import pytest
 
 from schuler.attitude import multiply
 from schuler.earth import Site
-from schuler.kernels.strapdown import STATE_SIZE, navigate
 from schuler.motion import (
     Band,
     Carried,
@@ -24,6 +23,8 @@ from schuler.motion import (
     moored_ship,
     two_axis_16,
 )
+from schuler.navigate import Navigator, Start
+from schuler.record import ImuRecord
 from schuler.simulate import simulate
 from tests.conftest import pieces
 
@@ -32,15 +33,15 @@ SITE = Site(40.0, 116.0, 50.0)
 
 def flown(made, n_sub=1, cuts=()):
     """Return rows of time, quaternion, velocity and position from error-free increments."""
-    state = np.zeros(STATE_SIZE)
     truth, r = made.truth, made.record
-    state[:4], state[4:7], state[7:10] = truth.quaternion[0], truth.velocity[0], truth.position[0]
-    out = []
+    lat, lon, height = truth.position[0]
+    start = Start(Site(np.rad2deg(lat), np.rad2deg(lon), height), truth.quaternion[0],
+                  truth.velocity[0])  # fmt: skip
+    navigator = Navigator(start, subsamples=n_sub)
     for s in pieces(len(r), cuts):
-        rows = np.empty((s.stop - s.start, 11))
-        used = navigate(state, n_sub, 1.0, 1.0, r.time[s], r.dt[s], r.dtheta[s], r.dvel[s], rows)
-        out.append(rows[:used])
-    return np.concatenate(out)
+        navigator.update(ImuRecord(r.time[s], r.dt[s], r.dtheta[s], r.dvel[s]))
+    p = navigator.path()
+    return np.column_stack([p.time, p.quaternion, p.velocity, p.position])[1:]
 
 
 def errors(made, n_sub=1):

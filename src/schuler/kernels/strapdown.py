@@ -1,30 +1,180 @@
-"""Strapdown navigation in ENU: attitude, velocity and position from increments, resumable.
+"""Strapdown navigation that does not know poles: attitude, velocity and position, resumable.
 
 Coning and sculling as in `schuler.kernels.tracking`; gravity, Coriolis and the turn of the frame
 are taken at the middle of each update, with velocity carried there by the last acceleration
 (Savage, 1998, parts 1 and 2).
 
-State: 0-3 q_b^n, 4-6 velocity east, north, up, 7 latitude, 8 longitude (rad), 9 height (m), 10-12
-acceleration of the last update, 13 updates, 14 time of the last update; 42 on as in tracking
-(samples before and samples waiting).
+The navigation frame n is local level but turns about its own up axis only with the Earth: a
+wander frame. It starts as East-North-Up. Position is the quaternion q_n^e; its matrix has the
+Earth's axis in n as its last row and up as its last column, so a step needs no trigonometry and
+no latitude. The frame follows the ellipsoid by the curvature tensor
+
+    K = I/(RN + h) + k z z^T,  k = RN e2 / (W2 (RM + h)(RN + h)),
+
+with z the level part of the Earth's axis in n, of length cosL: it has no singular point.
+
+===== ====================================================================
+0-3   q_b^n
+4-6   velocity in n, m/s
+7-10  q_n^e
+11    height, m
+12-14 acceleration of the last update in n, m/s^2
+15    time of the samples that wait, s
+16    time of the last update, s
+17    updates
+18    integral of the height damping, m/s^2
+19    updates since the last row
+20-28 integral of C_b^n, 29-31 of the force in n, 32 of time, since the last covariance
+42 on as in tracking (samples before and samples waiting)
+===== ====================================================================
 """
 
 from __future__ import annotations
 
 import math
 
-from schuler.constants import EARTH_A, EARTH_RATE
-from schuler.kernels._jit import kernel
-from schuler.kernels.earth import gravity_of_sine, radii_of_sine
-from schuler.kernels.quat import qexp, qmul, qrotate, rotation_averages
+from schuler.constants import (
+    EARTH_A,
+    EARTH_E2,
+    EARTH_F,
+    EARTH_RATE,
+    GRAVITY_EQUATOR,
+    GRAVITY_K,
+    GRAVITY_M,
+)
+from schuler.kernels._jit import helper, kernel
+from schuler.kernels.covariance import propagate
+from schuler.kernels.quat import qexp, qmul, qrotate, quat_to_matrix, rotation_averages
 from schuler.kernels.tracking import combine
-from schuler.kernels.vec import add, axpy, cross, scale
+from schuler.kernels.vec import Vec, add, axpy, cross, scale
 
 STATE_SIZE = 80
+ROW = 13
+"""Numbers in a row of the path: time, q_b^n, velocity in n, q_n^e, height."""
+
+SOMIGLIANA, SOMIGLIANA1, PSINS, CONSTANT = 0, 1, 2, 3
+FREE, DAMPED, OFF = 0, 1, 2
+
+OPTIONS = 7
+"""Gravity's code and constant value; vertical's code, three gains and the height to hold."""
+
+
+@helper
+def gravity_of(code: int, constant: float, s2: float, root: float, height: float) -> float:
+    """Return gravity for the squared sine of latitude and sqrt(1 - e2 s2), m/s^2."""
+    if code == CONSTANT:
+        return constant
+    if code == PSINS:
+        # PSINS, ethupdate.m: its own normal-gravity series.
+        return 9.7803267714 * (1.0 + s2 * (5.27094e-3 + 2.32718e-5 * s2)) - 3.086e-6 * height
+    g0 = GRAVITY_EQUATOR * (1.0 + GRAVITY_K * s2) / root
+    if code == SOMIGLIANA1:
+        return g0 * (1.0 - 2.0 * height / EARTH_A)
+    slope = -2.0 / EARTH_A * (1.0 + EARTH_F + GRAVITY_M - 2.0 * EARTH_F * s2)
+    return g0 * (1.0 + height * (slope + 3.0 * height / (EARTH_A * EARTH_A)))
+
+
+@helper
+def curvature(s2: float, height: float) -> tuple[float, float, float]:
+    """Return 1/(RN + h), k of the curvature tensor, and sqrt(1 - e2 s2)."""
+    w2 = 1.0 - EARTH_E2 * s2
+    root = math.sqrt(w2)
+    rn = EARTH_A / root
+    rm = rn * (1.0 - EARTH_E2) / w2
+    a = 1.0 / (rn + height)
+    return a, rn * EARTH_E2 / w2 * a / (rm + height), root
+
+
+@helper
+def transport(a: float, k: float, z0: float, z1: float, v: Vec) -> Vec:
+    """Return the rate of n against the Earth: up cross K v (nothing about up itself)."""
+    along = k * (z0 * v[0] + z1 * v[1])
+    return -(a * v[1] + along * z1), a * v[0] + along * z0, 0.0
+
+
+@helper
+def spin_axis(q) -> Vec:
+    """Return the Earth's axis in n: the last row of the matrix of q_n^e."""
+    w, x, y, z = q
+    return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z
+
+
+@helper
+def small_turn(phi: Vec):
+    """Return the quaternion of a rotation vector below 0.01 rad, to rounding."""
+    h = 0.25 * (phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2])
+    s = 0.5 * (1.0 - h / 6.0 * (1.0 - h / 20.0))
+    return 1.0 - 0.5 * h * (1.0 - h / 12.0), s * phi[0], s * phi[1], s * phi[2]
+
+
+@helper
+def renormalised(q):
+    """Return q scaled to unit length by one Newton step."""
+    m = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    return m * q[0], m * q[1], m * q[2], m * q[3]
+
+
+@helper
+def advance(s, options, aid: float, span: float, ta, tv, con, scu, coning: float, sculling: float):
+    """Take one update of total angle and velocity, coning and sculling; return the force in n."""
+    u = tv
+    if sculling != 0.0:
+        c1, c2 = rotation_averages(ta[0] * ta[0] + ta[1] * ta[1] + ta[2] * ta[2])
+        x1 = cross(ta, tv)
+        u = add(axpy(c1, x1, axpy(c2, cross(ta, x1), tv)), scu)
+    vertical = int(options[2])
+
+    # Where the middle of the update is, and how fast: by the last acceleration.
+    v = (s[4], s[5], s[6])
+    half = 0.5 * span
+    middle = axpy(half, (s[12], s[13], s[14]), v)
+    p = (s[7], s[8], s[9], s[10])
+    z = spin_axis(p)
+    height = s[11] + half * middle[2]
+    a, k, root = curvature(z[2] * z[2], height)
+    turn = transport(a, k, z[0], z[1], middle)
+    z = axpy(-half, cross(turn, z), z)
+    earth = scale(EARTH_RATE, z)
+    g = gravity_of(int(options[0]), options[1], z[2] * z[2], root, height)
+
+    q = (s[0], s[1], s[2], s[3])
+    frame = scale(span, add(earth, turn))
+    force = qrotate(q, u)
+    # The frame turns while the force acts: half of its turn, to second order.
+    f1 = cross(frame, force)
+    dv = axpy(-0.5, f1, axpy(1.0 / 6.0, cross(frame, f1), force))
+    bend = cross(add(scale(2.0, earth), turn), middle)
+    dv = (
+        dv[0] - span * bend[0],
+        dv[1] - span * bend[1],
+        dv[2] - span * (bend[2] + g),
+    )
+    climb = 0.0
+    if vertical == DAMPED:
+        off = s[11] - aid
+        s[18] += span * options[5] * off
+        dv = (dv[0], dv[1], dv[2] - span * (options[4] * off + s[18]))
+        climb = -options[3] * off
+    elif vertical == OFF:
+        dv = (dv[0], dv[1], 0.0)
+    after = add(v, dv)
+    mean = scale(0.5, add(v, after))
+    q = renormalised(qmul(qmul(small_turn(scale(-1.0, frame)), q), qexp(axpy(coning, con, ta))))
+    p = renormalised(qmul(p, small_turn(scale(span, transport(a, k, z[0], z[1], mean)))))
+    s[0], s[1], s[2], s[3] = q
+    s[4], s[5], s[6] = after
+    s[7], s[8], s[9], s[10] = p
+    s[11] += span * (mean[2] + climb)
+    r = 1.0 / span
+    s[12], s[13], s[14] = r * dv[0], r * dv[1], r * dv[2]
+    return force
 
 
 @kernel
-def navigate(state, n_sub, coning, sculling, time, dt, dtheta, dvel, out):
+def navigate(
+    state, n_sub, coning, sculling, options, time, dt, dtheta, dvel, aid, every, out,
+    cov, noise, variances,
+):  # fmt: skip
     """Feed a chunk of samples.
 
     Parameters
@@ -35,10 +185,20 @@ def navigate(state, n_sub, coning, sculling, time, dt, dtheta, dvel, out):
         Samples to an update, 1 to 4 (1 uses the sample before as well).
     coning, sculling : float
         1 to correct, 0 where the instrument has done it.
+    options : (OPTIONS,) float64
+        See `OPTIONS`.
     time, dt, dtheta, dvel : (n,), (n,), (n, 3), (n, 3) float64
         The samples, as in `ImuRecord`.
-    out : (n, 11) float64
-        One row an update: time, q, velocity, latitude, longitude, height.
+    aid : (n,) or (0,) float64
+        Height to damp to; without it the one of the options.
+    every : int
+        Updates to a row of the path; the first row comes with the first update.
+    out : (rows, ROW) float64
+        The path.
+    cov, noise : (3 * 15, 15) and (5,) float64, or empty
+        As in `schuler.kernels.covariance`; the step is noise[4], s.
+    variances : (rows, 15) float64, or empty
+        Diagonal of the covariance at each row.
 
     Returns
     -------
@@ -47,6 +207,7 @@ def navigate(state, n_sub, coning, sculling, time, dt, dtheta, dvel, out):
     """
     s = state
     rows = 0
+    tracked = cov.shape[0] > 0
     for i in range(time.shape[0]):
         k = int(s[48])
         j = 49 + 6 * k
@@ -61,56 +222,146 @@ def navigate(state, n_sub, coning, sculling, time, dt, dtheta, dvel, out):
         span = s[15]
         s[15] = 0.0
         ta, tv, con, scu = combine(s, n_sub)
-        u = tv
-        if sculling != 0.0:
-            c1, c2 = rotation_averages(ta[0] * ta[0] + ta[1] * ta[1] + ta[2] * ta[2])
-            x1 = cross(ta, tv)
-            u = add(axpy(c1, x1, axpy(c2, cross(ta, x1), tv)), scu)
-
-        # Where the middle of the update is, and how fast: by the last acceleration.
-        v = (s[4], s[5], s[6])
-        middle = axpy(0.5 * span, (s[10], s[11], s[12]), v)
-        lat = s[7]
-        sl, cl = math.sin(lat), math.cos(lat)
-        rm, rn = radii_of_sine(sl)
-        height = s[9] + 0.5 * span * middle[2]
-        rm, rn = 1.0 / (rm + height), 1.0 / (rn + height)
-        shift = 0.5 * span * middle[1] * rm
-        sm, cm = sl + cl * shift, cl - sl * shift
-        earth = (0.0, EARTH_RATE * cm, EARTH_RATE * sm)
-        turn = (-middle[1] * rm, middle[0] * rn, middle[0] * rn * sm / cm)
-        g0, slope = gravity_of_sine(sm)
-        g = g0 * (1.0 + slope * height + 3.0 * height * height / (EARTH_A * EARTH_A))
-
-        q = (s[0], s[1], s[2], s[3])
-        frame = scale(span, add(earth, turn))
-        dv = qrotate(q, u)
-        # The frame turns while the force acts: half of its turn, to second order.
-        f1 = cross(frame, dv)
-        dv = axpy(-0.5, f1, axpy(1.0 / 6.0, cross(frame, f1), dv))
-        bend = cross(add(scale(2.0, earth), turn), middle)
-        dv = (
-            dv[0] - span * bend[0],
-            dv[1] - span * bend[1],
-            dv[2] - span * (bend[2] + g),
-        )
-        after = add(v, dv)
-        q = qmul(qmul(qexp(scale(-1.0, frame)), q), qexp(axpy(coning, con, ta)))
-        m = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-        s[0], s[1], s[2], s[3] = m * q[0], m * q[1], m * q[2], m * q[3]
-        s[4], s[5], s[6] = after
-        s[7] += 0.5 * span * (v[1] + after[1]) * rm
-        s[8] += 0.5 * span * (v[0] + after[0]) * rn / cm
-        s[9] += 0.5 * span * (v[2] + after[2])
-        r = 1.0 / span
-        s[10], s[11], s[12] = r * dv[0], r * dv[1], r * dv[2]
-        s[13] += 1.0
-        s[14] = time[i]
+        held = aid[i] if aid.shape[0] else options[6]
+        if tracked:
+            r0, r1, r2 = quat_to_matrix((s[0], s[1], s[2], s[3]))
+            for c in range(3):
+                s[20 + c] += 0.5 * span * r0[c]
+                s[23 + c] += 0.5 * span * r1[c]
+                s[26 + c] += 0.5 * span * r2[c]
+        force = advance(s, options, held, span, ta, tv, con, scu, coning, sculling)
+        s[16] = time[i]
+        s[17] += 1.0
         for c in range(3):
             s[42 + c] = dtheta[i, c]
             s[45 + c] = dvel[i, c]
-        out[rows, 0] = time[i]
-        for c in range(10):
-            out[rows, 1 + c] = s[c]
-        rows += 1
+        if tracked:
+            r0, r1, r2 = quat_to_matrix((s[0], s[1], s[2], s[3]))
+            for c in range(3):
+                s[20 + c] += 0.5 * span * r0[c]
+                s[23 + c] += 0.5 * span * r1[c]
+                s[26 + c] += 0.5 * span * r2[c]
+                s[29 + c] += force[c]
+            s[32] += span
+            if s[32] >= noise[4] - 0.5 * span:
+                z = spin_axis((s[7], s[8], s[9], s[10]))
+                a, kk, _ = curvature(z[2] * z[2], s[11])
+                turn = transport(a, kk, z[0], z[1], (s[4], s[5], s[6]))
+                propagate(cov, noise, s, options, z, a, kk, turn)
+                for c in range(20, 33):
+                    s[c] = 0.0
+        s[19] -= 1.0
+        if s[19] <= 0.0:
+            s[19] = every
+            out[rows, 0] = time[i]
+            for c in range(7):
+                out[rows, 1 + c] = s[c]
+            for c in range(5):
+                out[rows, 8 + c] = s[7 + c]
+            if tracked:
+                for c in range(15):
+                    variances[rows, c] = cov[c, c]
+            rows += 1
     return rows
+
+
+@kernel
+def local(rows, out):
+    """Turn rows of the path into East-North-Up.
+
+    Parameters
+    ----------
+    rows : (n, ROW) float64
+    out : (n, 12) float64
+        Time; q_b^n with n = ENU; velocity east, north, up; latitude, longitude (rad), height; the
+        angle from east to the wander frame's x axis, counter-clockwise, rad.
+    """
+    for i in range(rows.shape[0]):
+        r0, r1, r2 = quat_to_matrix((rows[i, 8], rows[i, 9], rows[i, 10], rows[i, 11]))
+        up = (r0[2], r1[2], r2[2])
+        level = math.hypot(up[0], up[1])
+        lon = math.atan2(up[1], up[0]) if level > 0.0 else 0.0
+        # East at that longitude, seen in the wander frame.
+        sl, cl = math.sin(lon), math.cos(lon)
+        ex, ey = -sl * r0[0] + cl * r1[0], -sl * r0[1] + cl * r1[1]
+        angle = math.atan2(ey, ex)
+        c, sn = math.cos(angle), math.sin(angle)
+        q = qmul((math.cos(0.5 * angle), 0.0, 0.0, -math.sin(0.5 * angle)),
+                 (rows[i, 1], rows[i, 2], rows[i, 3], rows[i, 4]))  # fmt: skip
+        out[i, 0] = rows[i, 0]
+        out[i, 1], out[i, 2], out[i, 3], out[i, 4] = q
+        out[i, 5] = c * rows[i, 5] + sn * rows[i, 6]
+        out[i, 6] = c * rows[i, 6] - sn * rows[i, 5]
+        out[i, 7] = rows[i, 7]
+        out[i, 8] = math.atan2(up[2], level)
+        out[i, 9] = lon
+        out[i, 10] = rows[i, 12]
+        out[i, 11] = -angle
+
+
+@kernel
+def many(starts, options, dt, dtheta, dvel, errors, rng, ends):
+    """Navigate one true record with many instruments, and keep where each ends.
+
+    Parameters
+    ----------
+    starts : (runs, STATE_SIZE) float64
+        One start a run; left as the end.
+    options : (OPTIONS,) float64
+    dt : float
+        The interval of every sample, s.
+    dtheta, dvel : (n, 3) float64
+        True increments.
+    errors : (runs, 26) float64
+        Gyro bias (3) and matrix (9, by rows), accelerometer bias (3) and matrix (9): measured =
+        true + M true + bias; then angle and velocity random walk, rad/sqrt(s) and m/s/sqrt(s).
+    rng : numpy.random.Generator
+    ends : (runs, ROW) float64
+        The last row of each path.
+    """
+    root = math.sqrt(dt)
+    for r in range(starts.shape[0]):
+        s = starts[r]
+        e = errors[r]
+        na, nv = e[24] * root, e[25] * root
+        noisy = na > 0.0 or nv > 0.0
+        before_a = (s[42], s[43], s[44])
+        before_v = (s[45], s[46], s[47])
+        for i in range(dtheta.shape[0]):
+            x, y, z = dtheta[i, 0], dtheta[i, 1], dtheta[i, 2]
+            a = (
+                x + e[3] * x + e[4] * y + e[5] * z + e[0] * dt,
+                y + e[6] * x + e[7] * y + e[8] * z + e[1] * dt,
+                z + e[9] * x + e[10] * y + e[11] * z + e[2] * dt,
+            )
+            x, y, z = dvel[i, 0], dvel[i, 1], dvel[i, 2]
+            v = (
+                x + e[15] * x + e[16] * y + e[17] * z + e[12] * dt,
+                y + e[18] * x + e[19] * y + e[20] * z + e[13] * dt,
+                z + e[21] * x + e[22] * y + e[23] * z + e[14] * dt,
+            )
+            if noisy:
+                a = (
+                    a[0] + na * rng.standard_normal(),
+                    a[1] + na * rng.standard_normal(),
+                    a[2] + na * rng.standard_normal(),
+                )
+                v = (
+                    v[0] + nv * rng.standard_normal(),
+                    v[1] + nv * rng.standard_normal(),
+                    v[2] + nv * rng.standard_normal(),
+                )
+            k = 1.0 / 12.0
+            ca, cv = scale(k, before_a), scale(k, before_v)
+            advance(
+                s, options, options[6], dt, a, v, cross(ca, a),
+                add(cross(ca, v), cross(cv, a)), 1.0, 1.0,
+            )  # fmt: skip
+            before_a, before_v = a, v
+        s[42], s[43], s[44] = before_a
+        s[45], s[46], s[47] = before_v
+        ends[r, 0] = dt * dtheta.shape[0]
+        for c in range(7):
+            ends[r, 1 + c] = s[c]
+        for c in range(5):
+            ends[r, 8 + c] = s[7 + c]

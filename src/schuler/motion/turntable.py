@@ -16,7 +16,9 @@ from schuler.constants import DEG
 from schuler.errors import InputError
 from schuler.motion.base import Track, angles_track
 
-__all__ = ["Dwell", "Turn", "Turntable", "continuous_rotation", "four_position", "two_axis_16"]
+__all__ = [
+    "Dwell", "Spin", "Turn", "Turntable", "continuous_rotation", "four_position", "two_axis_16",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -106,12 +108,50 @@ class Turn:
 
 
 @dataclass(frozen=True)
+class Spin:
+    """Turn one axis at a constant rate for a time, with no speeding up: for ever if it repeats.
+
+    Parameters
+    ----------
+    axis : {"psi", "theta", "gamma"}
+    rate : float
+        deg/s, counter-clockwise positive.
+    time : float
+        s.
+    """
+
+    axis: str
+    rate: float
+    time: float
+
+    def __post_init__(self) -> None:
+        if self.axis not in AXES:
+            raise InputError(f"a spin's axis must be psi, theta or gamma, got '{self.axis}'")
+        if not (np.isfinite(self.rate) and np.isfinite(self.time) and self.time > 0):
+            raise InputError(
+                f"a spin needs a finite rate and a positive time, got {self.rate} deg/s for "
+                f"{self.time} s"
+            )
+
+    @property
+    def angle(self) -> float:
+        """How far it turns, deg."""
+        return self.rate * self.time
+
+    def at(self, x: Array) -> Array:
+        """Return angle, rate and acceleration (n, 3), rad, at times x since its start."""
+        inside = (x >= 0.0) & (x <= self.time)
+        angle = self.rate * np.clip(x, 0.0, self.time)
+        return DEG * np.column_stack([angle, self.rate * inside, np.zeros(len(x))])
+
+
+@dataclass(frozen=True)
 class Turntable:
     """A turntable with up to three axes that runs a list of steps, once or for ever.
 
     Parameters
     ----------
-    steps : sequence of Dwell and Turn
+    steps : sequence of Dwell, Turn and Spin
     start : (3,) tuple
         psi, theta, gamma at the start, deg.
     repeat : bool
@@ -120,7 +160,7 @@ class Turntable:
         From the axes' crossing to the IMU, in body axes, m.
     """
 
-    steps: Sequence[Dwell | Turn]
+    steps: Sequence[Dwell | Turn | Spin]
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
     repeat: bool = False
     lever: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -142,7 +182,7 @@ class Turntable:
         x = t - turns * period
         begin = 0.0
         for step in self.steps:
-            if isinstance(step, Turn):
+            if not isinstance(step, Dwell):
                 k = AXES.index(step.axis)
                 angles[:, k] += step.at(x - begin)
                 # What earlier rounds have left turned.

@@ -1,16 +1,47 @@
-"""What an instrument is: its errors by type, and named grades."""
+"""What an instrument is: its errors by type, named grades, and arrays of more than three axes."""
 
 from __future__ import annotations
 
+from schuler.sensors.array import ARRAYS, AxesFit, SensorArray, fit_axes, load_array, named_array
+from schuler.sensors.design import Mounting, design_array
 from schuler.sensors.draw import Imperfections, draw
 from schuler.sensors.errors import GRADES, AccelerometerSpec, GyroSpec, ImuSpec, load_spec
+from schuler.sensors.faults import (
+    Blame,
+    Fault,
+    FaultMonitor,
+    ParityTest,
+    Verdict,
+    blame_by_rate,
+    isolable,
+    parity_matrix,
+)
+from schuler.sensors.reliability import Lifetime, Reliability
 
 __all__ = [
+    "ARRAYS",
     "GRADES",
     "AccelerometerSpec",
+    "AxesFit",
+    "Blame",
+    "Fault",
+    "FaultMonitor",
     "GyroSpec",
     "Imperfections",
     "ImuSpec",
+    "Lifetime",
+    "Mounting",
+    "ParityTest",
+    "Reliability",
+    "SensorArray",
+    "Verdict",
+    "blame_by_rate",
+    "design_array",
     "draw",
+    "fit_axes",
+    "isolable",
+    "load_array",
     "load_spec",
+    "named_array",
+    "parity_matrix",
 ]

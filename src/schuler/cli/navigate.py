@@ -1,0 +1,238 @@
+"""The command ``schuler navigate``: by inertia alone, from a start to an end."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from schuler import __version__
+from schuler.cli.common import (
+    Seconds,
+    check_outputs,
+    emit_json,
+    file_options,
+    open_file,
+    progress,
+    say_warnings,
+    site_options,
+    site_or_none,
+)
+from schuler.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from schuler.align import Alignment
+    from schuler.earth import Site
+    from schuler.navigate import Evaluation, Navigator, Path, Start
+    from schuler.record import ImuRecord
+
+__all__ = ["command"]
+
+
+@click.command("navigate", context_settings={"help_option_names": ["-h", "--help"]})
+@file_options
+@site_options
+@click.option("--heading", type=float, metavar="DEG", help="At the start, clockwise from north.")
+@click.option("--pitch", type=float, metavar="DEG", help="At the start, nose up positive.")
+@click.option("--roll", type=float, metavar="DEG", help="At the start, right side down positive.")
+@click.option(
+    "--align",
+    "align_for",
+    type=Seconds(),
+    metavar="TIME",
+    help="Find the attitude in the first TIME of the record, at rest; navigate what follows.",
+)
+@click.option("--velocity", metavar="E,N,U", help="At the start, m/s (0,0,0).")
+@click.option(
+    "--gravity",
+    metavar="MODEL",
+    default="somigliana",
+    show_default=True,
+    help="somigliana, somigliana1 (height to first order), psins, constant or constant=9.7944.",
+)
+@click.option(
+    "--vertical",
+    metavar="MODE",
+    default="free",
+    show_default=True,
+    help="free, off (no vertical motion), damped or damped=HEIGHT (m).",
+)
+@click.option("--array", "array_name", metavar="NAME|TOML", help="Geometry of redundant gyros.")
+@click.option(
+    "--spec",
+    metavar="GRADE|TOML",
+    help="The instrument: propagates the uncertainty as well.",
+)
+@click.option("--every", type=int, metavar="N", help="Samples to a row of the path (1).")
+@click.option("--out", "out_to", metavar="PARQUET", help="Write the path.")
+@click.option(
+    "--reference",
+    metavar="FILE",
+    help="Compare with this path (CSV with names, or Parquet).",
+)
+@click.option("--json", "json_to", metavar="OUT", help="Write the result as JSON (- : here).")
+@click.option("--report", "report_to", metavar="OUT.html", help="Write an interactive report.")
+def command(**options: Any) -> None:
+    """Navigate FILE by inertia alone (- : standard input), from a known start.
+
+    \b
+      schuler navigate flight.csv --lat 34.2 --lon 108.9 --height 100 --heading 40 --velocity 38,46,0
+      schuler navigate truck.parquet --lat 34.2 --lon 108.9 --align 300s --reference truth.parquet
+    """  # noqa: D301, E501
+    from schuler.io.reference import read_reference
+    from schuler.navigate import Navigator, evaluate, parse_gravity, parse_vertical
+    from schuler.sensors import load_spec
+
+    names = ("heading", "pitch", "roll")
+    angles = {name: options.pop(name) for name in names}
+    align_for, velocity = options.pop("align_for"), _velocity(options.pop("velocity"))
+    gravity, vertical = parse_gravity(options.pop("gravity")), parse_vertical(
+        options.pop("vertical")
+    )  # fmt: skip
+    spec, every = load_spec(options.pop("spec")), options.pop("every")
+    array = options.pop("array_name")
+    outputs = [options.pop(key) for key in ("out_to", "json_to", "report_to")]
+    out_to, json_to, report_to = outputs
+    start, stop = options.pop("start"), options.pop("stop")
+    against = options.pop("reference")
+    if every is not None and every < 1:
+        raise InputError(f"--every must be 1 or more, got {every}")
+    if align_for is not None and any(v is not None for v in angles.values()):
+        raise InputError("--align finds the attitude: leave out --heading, --pitch and --roll")
+    if align_for is None and angles["heading"] is None:
+        raise InputError("the start's attitude is needed: say --heading, or --align 300s")
+    if align_for is not None and not align_for > 0:
+        raise InputError(f"--align needs a positive time, got {align_for:g} s")
+    check_outputs(*outputs)
+    if report_to is not None:
+        from schuler.report.page import graph_objects
+
+        graph_objects()  # a missing library is said before the work, too
+    if out_to is not None and not out_to.lower().endswith((".parquet", ".pq")):
+        raise InputError(f"--out {out_to}: a path is written as Parquet; name a file in .parquet")
+    truth = read_reference(against) if against else None
+    geometry = None
+    if array is not None:
+        from schuler.sensors import load_array
+
+        geometry = load_array(array)
+    source, finish = open_file(options)
+    site = site_or_none(options, source)
+    if site is None:
+        raise InputError("the start's place is needed: say --lat, --lon and --height")
+
+    fix: Alignment | None = None
+    navigator: Navigator | None = None
+    with progress(source, source.chunks(start=start, stop=stop)) as chunks:
+        flow: Iterable[ImuRecord] = chunks
+        if geometry is not None:
+            flow = (geometry.fuse(chunk) for chunk in chunks)
+        flow = iter(flow)
+        if align_for is not None:
+            fix, flow = _align(flow, site, align_for, spec)
+        begin = _start(site, angles, velocity, fix)
+        navigator = Navigator(
+            begin, gravity=gravity, vertical=vertical, every=every or 1, spec=spec
+        )
+        for chunk in flow:
+            navigator.update(chunk)
+    path = navigator.path()
+    evaluation = evaluate(path, truth) if truth is not None else None
+    if out_to is not None:
+        path.write(out_to)
+    if json_to is not None:
+        emit_json(_data(path, navigator, source, fix, evaluation), json_to)
+    if report_to is not None:
+        from schuler.report.navigation import navigation_report
+
+        navigation_report(path, evaluation, report_to)
+    if json_to != "-":
+        _print(path, evaluation)
+    finish()
+    say_warnings(source.quality.warnings() if source.quality else ())
+
+
+def _velocity(text: str | None) -> tuple[float, float, float]:
+    if text is None:
+        return 0.0, 0.0, 0.0
+    try:
+        east, north, up = (float(cell) for cell in text.split(","))
+    except ValueError:
+        raise InputError(
+            f"--velocity: expected three numbers, east,north,up in m/s, got '{text}'"
+        ) from None
+    return east, north, up
+
+
+def _start(
+    site: Site, angles: dict[str, float | None], velocity: Any, fix: Alignment | None
+) -> Start:
+    from schuler.navigate import Start
+
+    if fix is not None:
+        return Start.from_alignment(site, fix, velocity)
+    heading, pitch, roll = (angles[name] or 0.0 for name in ("heading", "pitch", "roll"))
+    return Start.from_angles(site, heading, pitch, roll, velocity)
+
+
+def _align(
+    flow: Iterator[ImuRecord], site: Site, length: float, spec: Any
+) -> tuple[Alignment, Iterator[ImuRecord]]:
+    """Align the first part of a stream; return what was found and the rest of the stream."""
+    from itertools import chain
+
+    from schuler.align import Aligner
+
+    aligner = Aligner(site, None, spec)
+    end: float | None = None
+    for chunk in flow:
+        end = chunk.start + length if end is None else end
+        aligner.update(chunk.between(None, end))
+        if chunk.time[-1] > end:
+            rest = chunk.between(end, None)
+            return aligner.solution(), chain([rest] if len(rest) else [], flow)
+    raise InputError(
+        f"--align {length:g} s takes the whole record: nothing is left to navigate; shorten it"
+    )
+
+
+def _data(
+    path: Path, navigator: Navigator, source: Any, fix: Alignment | None,
+    evaluation: Evaluation | None,
+) -> dict[str, Any]:  # fmt: skip
+    begin = type(path)(path.rows[:1]).final
+    return {
+        "schema": "schuler.navigation/1",
+        "schuler": __version__,
+        "file": str(source.path),
+        "read_as": source.meaning,
+        "gravity": navigator.gravity.model,
+        "vertical": navigator.vertical.mode,
+        "start": begin,
+        "final": path.final,
+        "sigma": path.sigma,
+        "alignment": None if fix is None else {
+            "heading_deg": float(fix.heading_deg),
+            "sigma_arcmin": [float(v) for v in fix.sigma_arcmin],
+        },
+        "error": None if evaluation is None else evaluation.to_dict(),
+    }  # fmt: skip
+
+
+def _print(path: Path, evaluation: Evaluation | None) -> None:
+    click.echo(f"{path.name}: {path.time[-1] - path.time[0]:.6g} s by inertia alone")
+    click.echo(str(path))
+    if evaluation is None:
+        return
+    e = evaluation.to_dict()
+    click.echo(
+        f"error     {e['north_m']:.4g} m north, {e['east_m']:.4g} east, {e['down_m']:.4g} down "
+        f"at {e['time_s']:.6g} s; {e['nmi_per_h']:.3g} nmi/h"
+    )
+    if e["heading_deg"] is not None:
+        click.echo(
+            f"          heading {e['heading_deg']:.3g} deg, pitch {e['pitch_deg']:.3g}, roll "
+            f"{e['roll_deg']:.3g}"
+        )

@@ -1,0 +1,181 @@
+"""The command ``schuler rotation``: what turning the instrument does to hours of errors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from schuler.cli.common import Seconds, check_outputs, emit_json
+from schuler.errors import InputError
+
+__all__ = ["command"]
+
+
+@click.group("rotation", context_settings={"help_option_names": ["-h", "--help"]})
+def command() -> None:
+    """Compare, look at and search for schemes of rotation modulation."""
+
+
+@command.command("compare")
+@click.argument("scenario", metavar="SCENARIO.toml")
+@click.option("--check", is_flag=True, help="Navigate the scenario's own heading in full as well.")
+@click.option("--json", "json_to", metavar="OUT", help="Write all rows as JSON (- : here).")
+@click.option("--report", "report_to", metavar="OUT.html", help="Draw the reductions.")
+def compare(**options: Any) -> None:
+    """Compare the end error fixed, turned about one axis, and about two.
+
+    \b
+      schuler rotation compare four_gyro_rotation.toml
+      schuler rotation compare four_gyro_rotation.toml --json - --report rotation.html
+    """  # noqa: D301
+    from schuler.navigate import RotationCase, compare_rotation, strapdown_end
+
+    check_outputs(options["json_to"], options["report_to"])
+    case = RotationCase.from_toml(options["scenario"])
+    found = compare_rotation(case)
+    data = found.to_dict()
+    data["check"] = None
+    if options["check"]:
+        from schuler.motion import named_scheme
+
+        data["check"] = {
+            "latitude_deg": case.site.lat, "heading_deg": case.heading,
+            **{
+                f"{name}_enu_m": strapdown_end(case, scheme)[0].tolist()
+                for name, scheme in (("fixed", named_scheme("fixed")),
+                                     ("single_axis", case.single), ("two_axis", case.double))
+            },
+        }  # fmt: skip
+    if options["json_to"] is not None:
+        emit_json(data, options["json_to"])
+    if options["report_to"] is not None:
+        from schuler.report.rotation import rotation_report
+
+        rotation_report(found, options["report_to"])
+    if options["json_to"] != "-":
+        _print(data)
+
+
+def _print(data: dict[str, Any]) -> None:
+    one, two = (data["schemes"][k]["name"] for k in ("single_axis", "two_axis"))
+    click.echo(f"{data['name']}: {data['array']}, {data['duration_s'] / 3600:g} h at rest; "
+               f"single axis: {one}; two axes: {two}")  # fmt: skip
+    click.echo(f"{'':>8}  {'largest error over headings, m':^32}  {'single axis is better by':^24}"
+               f"  {'two axes,':>9}")  # fmt: skip
+    click.echo(f"{'lat deg':>8}  {'fixed':>10} {'single':>10} {'two':>10}  "
+               f"{'worst %':>11} {'best %':>12}  {'times':>9}")  # fmt: skip
+    for r in data["latitudes"]:
+        low, high = r["single_axis_reduction_percent"]
+        click.echo(
+            f"{r['latitude_deg']:8.2f}  {r['fixed_largest_m']:10.1f} "
+            f"{r['single_axis_largest_m']:10.1f} {r['two_axis_largest_m']:10.1f}  {low:11.1f} "
+            f"{high:12.1f}  {r['two_axis_least_ratio']:9.1f}"
+        )
+    if data["check"] is not None:
+        c = data["check"]
+        for name in ("fixed", "single_axis", "two_axis"):
+            e, n = c[f"{name}_enu_m"]
+            click.echo(f"navigated in full at {c['latitude_deg']:g} deg, heading "
+                       f"{c['heading_deg']:g}: {name.replace('_', ' ')} {e:.1f} m east, "
+                       f"{n:.1f} m north")  # fmt: skip
+
+
+@command.command("residual")
+@click.argument("scheme", metavar="NAME|TOML")
+@click.option("--lat", type=float, default=45.0, show_default=True, metavar="DEG",
+              help="For what the scale factors make of the Earth's rate.")  # fmt: skip
+@click.option("--rate", type=float, metavar="DEG/S", help="Of a named scheme's turns (10).")
+@click.option("--dwell", type=Seconds(), metavar="TIME", help="Of a named scheme.")
+@click.option("--json", "json_to", metavar="OUT", help="Write the averages as JSON (- : here).")
+def residual(**options: Any) -> None:
+    """Say what a scheme leaves of each error on average."""
+    from schuler.motion import SCHEMES, Limits, load_scheme, named_scheme
+    from schuler.navigate import residual as average
+
+    name, rate, dwell = options["scheme"], options["rate"], options["dwell"]
+    if name in SCHEMES:
+        scheme = named_scheme(name, dwell=dwell, limits=Limits(rate or 10.0))
+    elif rate is not None or dwell is not None:
+        raise InputError("--rate and --dwell are for named schemes; a file says them itself")
+    else:
+        scheme = load_scheme(name)
+    check_outputs(options["json_to"])
+    data = {
+        "schema": "schuler.residual/1", "name": scheme.name, "latitude_deg": options["lat"],
+        **average(scheme).to_dict(options["lat"]),
+    }  # fmt: skip
+    if options["json_to"] is not None:
+        emit_json(data, options["json_to"])
+    if options["json_to"] == "-":
+        return
+    click.echo(f"{scheme.name}: period {data['period_s']:.6g} s, table steps {len(scheme.steps)}")
+    click.echo("left of                     x          y          z   of the IMU's axes, largest")
+    for label, key, unit in (
+        ("bias", "bias_left", "of it"),
+        ("scale factor, table", "scale_factor_with_table_deg_h_per_ppm", "deg/h per ppm"),
+        ("scale factor, Earth", "scale_factor_with_earth_deg_h_per_ppm", "deg/h per ppm"),
+        ("asymmetry", "asymmetry_deg_h_per_ppm", "deg/h per ppm"),
+    ):
+        rows = data[key]
+        worst = [max(abs(rows[i][j]) for i in range(3)) for j in range(3)]
+        # Below a part in 1e12 is the rounding of the averages.
+        shown = "  ".join(f"{v if v > 1e-12 else 0.0:9.3g}" for v in worst)
+        click.echo(f"{label:<20}  {shown}   {unit}")
+    value = data["misalignment_largest_deg_h_per_arcsec"]
+    click.echo(f"{'misalignment':<20}  {value if value > 1e-12 else 0.0:9.3g} deg/h per arcsec")
+    click.echo(f"{'random walk':<20}  {1.0:9.3g} of it")
+
+
+@command.command("optimise")
+@click.option("--turns", type=int, default=16, show_default=True, help="Half turns in a period.")
+@click.option("--gyro-bias", default="0.01 deg/h", show_default=True)
+@click.option("--scale", default="10 ppm", show_default=True)
+@click.option("--misalignment", default="10 arcsec", show_default=True)
+@click.option("--asymmetry", default="1 ppm", show_default=True)
+@click.option("--dwell", type=Seconds(), default=20.0, show_default=True, metavar="TIME")
+@click.option("--rate", type=float, default=10.0, show_default=True, metavar="DEG/S")
+@click.option("--acceleration", type=float, default=20.0, show_default=True, metavar="DEG/S^2")
+@click.option("--travel", type=float, metavar="DEG", help="Without slip rings: furthest turn.")
+@click.option("--seed", type=int, default=0, show_default=True)
+@click.option("--tries", type=click.IntRange(1, 100_000), default=400, show_default=True)
+@click.option("--out", "out_to", metavar="TOML", help="Write the scheme.")
+def optimise(**options: Any) -> None:
+    """Search for the order of half turns about two axes that leaves the least drift."""
+    import numpy as np
+
+    from schuler.constants import DEG_PER_HOUR
+    from schuler.motion import Dwell, Limits
+    from schuler.navigate import optimise_scheme
+    from schuler.units import parse
+
+    check_outputs(options["out_to"])
+    if options["seed"] < 0:
+        raise InputError(f"--seed must be 0 or more, got {options['seed']}")
+    scheme, drift = optimise_scheme(
+        options["turns"],
+        bias=parse(options["gyro_bias"], "angular rate", "gyro-bias"),
+        scale=parse(options["scale"], "ratio", "scale"),
+        misalignment=parse(options["misalignment"], "angle", "misalignment"),
+        asymmetry=parse(options["asymmetry"], "ratio", "asymmetry"),
+        dwell=options["dwell"],
+        limits=Limits(options["rate"], options["acceleration"], options["travel"]),
+        rng=np.random.default_rng(options["seed"]),
+        tries=options["tries"],
+    )
+    if options["out_to"] is not None:
+        from pathlib import Path
+
+        import tomli_w
+
+        from schuler._files import replacing
+
+        with replacing(Path(options["out_to"])) as part:
+            part.write_text(tomli_w.dumps(scheme.to_dict()), encoding="utf-8")
+    words = [
+        f"{'+' if step.angle > 0 else '-'}{step.axis}"
+        for step in scheme.steps
+        if not isinstance(step, Dwell)
+    ]
+    click.echo(f"{scheme.name}: {' '.join(words)}")
+    click.echo(f"period {scheme.period:.6g} s; leaves {drift / DEG_PER_HOUR:.3g} deg/h (1 sigma)")

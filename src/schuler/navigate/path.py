@@ -1,0 +1,185 @@
+"""`Path`: where a navigation went, row by row, with its uncertainty where that was asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path as File
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler._files import replacing
+from schuler.attitude import psi_to_heading, quat_to_euler
+from schuler.constants import ARCMIN, DEG
+from schuler.earth import radii
+from schuler.errors import InputError
+
+__all__ = ["Path"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A navigation's result: its start, then one row every so many updates.
+
+    Parameters
+    ----------
+    rows : (n, 13) float64
+        As the kernel leaves them: time, q_b^n, velocity, q_n^e and height in the wander frame.
+    variances : (n, 15) float64 or None
+        Of the error states in the wander frame (`schuler.kernels.covariance`).
+    covariance : (15, 15) float64 or None
+        At the end.
+    name : str
+        Of the record.
+    """
+
+    rows: Array = field(repr=False)
+    variances: Array | None = field(default=None, repr=False)
+    covariance: Array | None = field(default=None, repr=False)
+    name: str = "record"
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @cached_property
+    def _local(self) -> Array:
+        from schuler.kernels.strapdown import local
+
+        out = np.empty((len(self.rows), 12))
+        local(np.ascontiguousarray(self.rows), out)
+        return out
+
+    @property
+    def time(self) -> Array:
+        """Times, s, (n,)."""
+        return np.asarray(self.rows[:, 0])
+
+    @property
+    def quaternion(self) -> Array:
+        """q_b^n with n = East-North-Up, (n, 4)."""
+        return self._local[:, 1:5]
+
+    @property
+    def euler(self) -> Array:
+        """(psi, theta, gamma), rad, (n, 3)."""
+        return quat_to_euler(self.quaternion)
+
+    @property
+    def velocity(self) -> Array:
+        """East, north, up, m/s, (n, 3)."""
+        return self._local[:, 5:8]
+
+    @property
+    def position(self) -> Array:
+        """Latitude, longitude (rad, in (-pi, pi]) and height (m), (n, 3)."""
+        return self._local[:, 8:11]
+
+    @property
+    def wander(self) -> Array:
+        """Angle from east to the wander frame's first axis, counter-clockwise, rad, (n,)."""
+        return self._local[:, 11]
+
+    @property
+    def final_covariance(self) -> Array | None:
+        """Covariance of the error states at the end, in East-North-Up, (15, 15)."""
+        if self.covariance is None:
+            return None
+        c, s = np.cos(self.wander[-1]), np.sin(self.wander[-1])
+        turn = np.eye(15)
+        for k in (0, 3, 6):
+            turn[k : k + 2, k : k + 2] = [[c, -s], [s, c]]
+        # North turns with the place: an error of position to the east is one of heading.
+        lat, _, height = self.position[-1]
+        slip = np.tan(lat) / (float(radii(lat)[1]) + height)
+        bend = np.eye(15)
+        bend[2, 6] += slip
+        bend[3, 6] += slip * self.velocity[-1, 1]
+        bend[4, 6] -= slip * self.velocity[-1, 0]
+        turn = bend @ turn
+        return np.asarray(turn @ self.covariance @ turn.T)
+
+    @property
+    def final(self) -> dict[str, Any]:
+        """The last row in the units that people speak."""
+        psi, theta, gamma = quat_to_euler(self.quaternion[-1])
+        lat, lon, height = self.position[-1]
+        return {
+            "time_s": float(self.time[-1]),
+            "lat_deg": float(lat / DEG),
+            "lon_deg": float(lon / DEG),
+            "height_m": float(height),
+            "velocity_enu": [float(v) for v in self.velocity[-1]],
+            "heading_deg": float(psi_to_heading(psi) / DEG),
+            "pitch_deg": float(theta / DEG),
+            "roll_deg": float(gamma / DEG),
+        }
+
+    @property
+    def sigma(self) -> dict[str, list[float]] | None:
+        """1 sigma at the end: position (east, north, up; m), velocity, attitude (phi, arcmin)."""
+        p = self.final_covariance
+        if p is None:
+            return None
+        s = np.sqrt(np.diag(p))
+        return {
+            "position_enu_m": [float(v) for v in s[6:9]],
+            "velocity_enu": [float(v) for v in s[3:6]],
+            "phi_enu_arcmin": [float(v) / ARCMIN for v in s[:3]],
+        }
+
+    def write(self, path: str | File) -> None:
+        """Save as Parquet, whole or not at all; the columns are those of a simulation's truth.
+
+        Raises
+        ------
+        InputError
+            For another suffix, or if the file cannot be written.
+        """
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        path = File(path)
+        if path.suffix.lower() != ".parquet":
+            raise InputError(f"{path}: a path is written as Parquet; name a file in .parquet")
+        psi, theta, gamma = self.euler.T
+        lat, lon, height = self.position.T
+        columns: dict[str, Array] = {
+            "t [s]": self.time, "heading [deg]": psi_to_heading(psi) / DEG,
+            "pitch [deg]": theta / DEG, "roll [deg]": gamma / DEG,
+            **dict(zip(("qw", "qx", "qy", "qz"), self.quaternion.T, strict=True)),
+            **dict(zip(
+                ("v_east [m/s]", "v_north [m/s]", "v_up [m/s]"), self.velocity.T, strict=True
+            )),
+            "lat [deg]": lat / DEG, "lon [deg]": lon / DEG, "height [m]": height,
+        }  # fmt: skip
+        if self.variances is not None:
+            # Level variances swap between the axes as the frame wanders: their sum does not.
+            level = self.variances[:, 6] + self.variances[:, 7]
+            columns["sigma_horizontal [m]"] = np.sqrt(level)
+            columns["sigma_heading [arcmin]"] = np.sqrt(self.variances[:, 2]) / ARCMIN
+        table = pa.table({k: pa.array(np.ascontiguousarray(v)) for k, v in columns.items()})
+        with replacing(path) as part:
+            parquet.write_table(table, part, compression="zstd", use_dictionary=False)
+
+    def __str__(self) -> str:
+        f = self.final
+        e, n, u = f["velocity_enu"]
+        lines = [
+            f"position  {f['lat_deg']:.8f} deg N, {f['lon_deg']:.8f} deg E, {f['height_m']:.3f} m",
+            f"velocity  {e:.4f} m/s east, {n:.4f} north, {u:.4f} up",
+            f"attitude  heading {f['heading_deg']:.5f} deg, pitch {f['pitch_deg']:.5f} deg, "
+            f"roll {f['roll_deg']:.5f} deg",
+        ]
+        s = self.sigma
+        if s is not None:
+            (pe, pn, pu), (ve, vn, vu) = s["position_enu_m"], s["velocity_enu"]
+            a, b, c = s["phi_enu_arcmin"]
+            lines.append(
+                f"sigma     {pe:.4g} m east, {pn:.4g} north, {pu:.4g} up; {ve:.3g}, {vn:.3g}, "
+                f"{vu:.3g} m/s; phi {a:.3g}', {b:.3g}', {c:.3g}'"
+            )
+        return "\n".join(lines)

@@ -1,0 +1,398 @@
+"""Redundant arrays: more sensors than axes, any geometry, fused into a triad.
+
+m = H w + noise, H with a row of direction for each sensor; w = (H^T W H)^-1 H^T W m. The sum of
+the variances is least where H^T H = (n/3) I, and then it does not depend on the axes' turn.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.errors import InputError
+from schuler.record import ImuRecord
+
+__all__ = ["ARRAYS", "AxesFit", "SensorArray", "fit_axes", "load_array", "named_array"]
+
+Array = NDArray[np.float64]
+
+_RANK = 1e-9
+"""Relative singular value below which directions count as coplanar."""
+
+MOST = 16
+"""Sensors whose subsets are all looked at: 65,536."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensorArray:
+    """Sensors with one axis each.
+
+    Parameters
+    ----------
+    matrix : (n, 3) array_like
+        H: a direction for each sensor, in body axes (RFU).
+    name : str
+    sigma : (n,) array_like, optional
+        1 sigma of each sensor's noise, in any unit: the weights of the fusion are 1/sigma^2.
+    bias : (n,) array_like, optional
+        Known bias of each, rad/s (or m/s^2), taken out before fusing.
+    scale : (n,) array_like, optional
+        Known scale factor error of each, taken out before fusing.
+
+    Raises
+    ------
+    InputError
+        For fewer than three sensors, directions that do not span the space, or bad numbers.
+    """
+
+    matrix: ArrayLike
+    name: str = "array"
+    sigma: ArrayLike | None = None
+    bias: ArrayLike | None = None
+    scale: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        h = np.asarray(self.matrix, np.float64)
+        if h.ndim != 2 or h.shape[1] != 3 or len(h) < 3 or not np.all(np.isfinite(h)):
+            raise InputError(f"{self.name}: expected finite directions of shape (n >= 3, 3), "
+                             f"got {h.shape}")  # fmt: skip
+        if np.any(np.linalg.norm(h, axis=1) < 1e-6):
+            raise InputError(f"{self.name}: a direction is zero")
+        object.__setattr__(self, "matrix", h)
+        for key, default in (("sigma", 1.0), ("bias", 0.0), ("scale", 0.0)):
+            value = getattr(self, key)
+            array = np.full(len(h), default) if value is None else np.asarray(value, np.float64)
+            if array.shape != (len(h),) or not np.all(np.isfinite(array)):
+                raise InputError(
+                    f"{self.name}: expected {len(h)} finite numbers for {key}, got shape "
+                    f"{array.shape}"
+                )
+            object.__setattr__(self, key, array)
+        if np.any(self._s <= 0):
+            raise InputError(f"{self.name}: sigma must be positive for each sensor")
+        if not self.spans(range(len(h))):
+            raise InputError(f"{self.name}: the directions lie in a plane; three axes need more")
+
+    def __len__(self) -> int:
+        return len(self.h)
+
+    @property
+    def h(self) -> Array:
+        """The matrix H, (n, 3)."""
+        return np.asarray(self.matrix)
+
+    @property
+    def _s(self) -> Array:
+        return np.asarray(self.sigma)
+
+    def _pick(self, working: Sequence[int] | None) -> list[int]:
+        picked = list(range(len(self))) if working is None else [int(i) for i in working]
+        if len(set(picked)) != len(picked) or not all(0 <= i < len(self) for i in picked):
+            raise InputError(
+                f"{self.name}: sensors are numbered 0 to {len(self) - 1}, each once; got {picked}"
+            )
+        return picked
+
+    def spans(self, working: Sequence[int]) -> bool:
+        """Say whether some sensors alone still measure all three axes."""
+        picked = self._pick(working)
+        if len(picked) < 3:
+            return False
+        s = np.linalg.svd(self.h[picked], compute_uv=False)
+        return bool(s[2] > _RANK * s[0])
+
+    # -- fusing ------------------------------------------------------------------------
+
+    def estimator(self, working: Sequence[int] | None = None) -> Array:
+        """Return (H^T W H)^-1 H^T W, (3, n); columns of sensors that do not work are zero.
+
+        Raises
+        ------
+        InputError
+            If the working sensors do not measure all three axes.
+        """
+        picked = self._pick(working)
+        if not self.spans(picked):
+            raise InputError(
+                f"{self.name}: sensors {picked} do not measure all three axes; nothing can be fused"
+            )
+        w = 1.0 / self._s[picked]
+        out = np.zeros((3, len(self)))
+        out[:, picked] = np.linalg.pinv(self.h[picked] * w[:, None]) * w
+        return out
+
+    def fuse(self, record: ImuRecord, working: Sequence[int] | None = None) -> ImuRecord:
+        """Return a record of three gyros from one with a column for each sensor.
+
+        Parameters
+        ----------
+        record : ImuRecord
+            dtheta (n, m) with m sensors in this array's order.
+        working : sequence of int, optional
+            The sensors to use; all, when not given.
+
+        Raises
+        ------
+        InputError
+            If the columns are not this array's, or the sensors do not measure all axes.
+        """
+        m = record.dtheta.shape[1]
+        if m != len(self):
+            raise InputError(
+                f"{record.name}: has {m} gyro columns, but the array '{self.name}' has {len(self)}"
+            )
+        bias, scale = np.asarray(self.bias), np.asarray(self.scale)
+        clean = record.dtheta
+        if np.any(bias) or np.any(scale):
+            clean = (clean - record.dt[:, None] * bias) / (1.0 + scale)
+        return replace(record, dtheta=np.ascontiguousarray(clean @ self.estimator(working).T))
+
+    def measure(self, record: ImuRecord) -> ImuRecord:
+        """Return what this array measures where three perfect gyros measure `record`."""
+        if record.dtheta.shape[1] != 3:
+            raise InputError(f"{record.name}: expected three gyros, got {record.dtheta.shape[1]}")
+        bias, scale = np.asarray(self.bias), np.asarray(self.scale)
+        seen = (record.dtheta @ self.h.T) * (1.0 + scale) + record.dt[:, None] * bias
+        return replace(record, dtheta=np.ascontiguousarray(seen))
+
+    def equivalent(self, errors: ArrayLike) -> Array:
+        """Return the triad's error that errors (n,) of the sensors make, (3,)."""
+        return np.asarray(self.estimator() @ np.asarray(errors, np.float64))
+
+    # -- figures -----------------------------------------------------------------------
+
+    def covariance(self, working: Sequence[int] | None = None) -> Array:
+        """Return (H^T W H)^-1, (3, 3), for sensors of the given (by default unit) sigma."""
+        k = self.estimator(working)
+        return np.asarray((k * self._s**2) @ k.T)
+
+    def variance(self, working: Sequence[int] | None = None) -> Array:
+        """Return the variance of each fused axis, (3,)."""
+        return np.diag(self.covariance(working)).copy()
+
+    def subsets(self, least: int = 3) -> Iterator[tuple[int, ...]]:
+        """Yield the sets of sensors that measure all axes, the largest first.
+
+        Raises
+        ------
+        InputError
+            For more sensors than `MOST`.
+        """
+        if len(self) > MOST:
+            raise InputError(f"{self.name}: the subsets of more than {MOST} sensors are too many")
+        for size in range(len(self), least - 1, -1):
+            for picked in combinations(range(len(self)), size):
+                if self.spans(picked):
+                    yield picked
+
+    def subset_variance(self) -> dict[str, list[float]]:
+        """Return the per-axis variance of every set that measures all axes: "0,1,2" -> (3,)."""
+        return {",".join(map(str, s)): self.variance(s).tolist() for s in self.subsets()}
+
+    def figures(self) -> dict[str, Any]:
+        """Return what the geometry is worth, with all sensors and after any one failure.
+
+        Figures that do not change when the array is turned as a whole (the sum of variances,
+        determinants) cannot tell two arrays apart that are turned images of each other, as the
+        cone of four and the symmetric skew are; the variance of each axis can.
+        """
+        h, n = self.h, len(self)
+        gram = h.T @ h
+        after: list[dict[str, Any]] = []
+        for lost in range(n):
+            left = [i for i in range(n) if i != lost]
+            works = self.spans(left)
+            v = self.variance(left).tolist() if works else None
+            after.append({"lost": lost, "variance": v, "total": sum(v) if v else None})
+        triples = [
+            abs(float(np.linalg.det(h[list(t)]))) for t in combinations(range(n), 3)
+        ]  # fmt: skip
+        return {
+            "variance": self.variance().tolist(),
+            "total_variance": float(np.trace(self.covariance())),
+            "determinant": float(np.linalg.det(gram)),
+            "condition": float(np.linalg.cond(gram)),
+            "optimal": bool(np.allclose(gram, n / 3.0 * np.eye(3), atol=1e-9)),
+            "triple_determinants": triples,
+            "after_one_failure": after,
+        }
+
+    def turned(self, rotation: ArrayLike) -> SensorArray:
+        """Return the array turned by a rotation matrix (3, 3)."""
+        return replace(self, matrix=self.h @ np.asarray(rotation, np.float64).T)
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> SensorArray:
+        """Read an array: ``directions = [[..], ..]`` and, if known, sigma, bias and scale.
+
+        Bias is in deg/h, scale in ppm; directions are made to unit length.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read, is not TOML, or holds bad values.
+        """
+        from schuler.constants import DEG_PER_HOUR
+
+        path = Path(path)
+        try:
+            data = tomllib.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise InputError(f"{path}: is not valid TOML ({error})") from None
+        known = ("name", "directions", "sigma", "bias_deg_h", "scale_ppm")
+        for key in data:
+            if key not in known:
+                raise InputError(f"{path}: unknown key '{key}'; known: {', '.join(known)}")
+        try:
+            h = np.array(data["directions"], np.float64)
+            with np.errstate(invalid="ignore"):
+                h = h / np.linalg.norm(h, axis=-1, keepdims=True)
+            parts = {k: np.array(data[k], np.float64) for k in known[2:] if k in data}
+        except KeyError:
+            raise InputError(f"{path}: 'directions' is missing") from None
+        except (ValueError, TypeError, np.exceptions.AxisError):
+            raise InputError(f"{path}: expected lists of numbers, three for a direction") from None
+        return cls(
+            h,
+            str(data.get("name", path.stem)),
+            parts.get("sigma"),
+            None if "bias_deg_h" not in parts else DEG_PER_HOUR * parts["bias_deg_h"],
+            None if "scale_ppm" not in parts else 1e-6 * parts["scale_ppm"],
+        )
+
+
+def _cone(n: int, half: float | None = None, first: float = 0.0) -> Array:
+    """Return n axes on a cone about up; the half-angle atan(sqrt 2) makes it optimal."""
+    a = np.arctan(np.sqrt(2.0)) if half is None else half
+    az = first + 2.0 * np.pi * np.arange(n) / n
+    return np.column_stack([np.sin(a) * np.cos(az), np.sin(a) * np.sin(az), np.full(n, np.cos(a))])
+
+
+def _dodecahedron() -> Array:
+    """Return the six face normals of a dodecahedron, one of each pair."""
+    p = 0.5 * (1.0 + np.sqrt(5.0))
+    rows = [(1, p, 0), (-1, p, 0), (0, 1, p), (0, -1, p), (p, 0, 1), (p, 0, -1)]
+    return np.asarray(np.array(rows, np.float64) / np.hypot(1.0, p))
+
+
+_THIRD = 1.0 / np.sqrt(3.0)
+_FIXED: dict[str, Any] = {
+    "triad": lambda: np.eye(3),
+    "triad-plus-one": lambda: np.vstack([np.eye(3), [0.0, 0.0, 1.0]]),
+    "symmetric4": lambda: _THIRD * np.array([[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]]),
+    "tetrahedron": lambda: _THIRD * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]),
+    "skewed4": lambda: np.vstack([np.eye(3), [_THIRD] * 3]),
+    "dodecahedron": _dodecahedron,
+}
+
+#: name -> what it is
+ARRAYS = {
+    "triad": "three orthogonal axes",
+    "triad-plus-one": "three orthogonal axes, z twice",
+    "symmetric4": "four axes along the diagonals above the level plane",
+    "cone4": "four axes on a cone of 54.74 deg, at 0, 90, 180, 270 deg; cone5, cone6 ... likewise",
+    "tetrahedron": "four axes to the corners of a tetrahedron",
+    "skewed4": "three orthogonal axes and one along their diagonal",
+    "dodecahedron": "six axes through the faces of a dodecahedron",
+}
+
+
+def named_array(name: str) -> SensorArray:
+    """Return an array by its name in `ARRAYS`, or ``coneN``.
+
+    Raises
+    ------
+    InputError
+        For another name.
+    """
+    if name in _FIXED:
+        return SensorArray(_FIXED[name](), name)
+    cone = re.fullmatch(r"cone(\d+)", name)
+    if cone and 3 <= int(cone[1]) <= 64:
+        return SensorArray(_cone(int(cone[1])), name)
+    raise InputError(f"'{name}' is no array; there are {', '.join(ARRAYS)} and coneN")
+
+
+def load_array(array: str | Path | SensorArray) -> SensorArray:
+    """Return an array by name, from a TOML file, or pass one through.
+
+    Raises
+    ------
+    InputError
+        If it is neither.
+    """
+    if isinstance(array, SensorArray):
+        return array
+    text = str(array)
+    return SensorArray.from_toml(text) if text.endswith(".toml") else named_array(text)
+
+
+@dataclass(frozen=True, eq=False)
+class AxesFit:
+    """An array's own axes, as calibrated.
+
+    Parameters
+    ----------
+    array : SensorArray
+        With unit directions, scale and bias found.
+    sigma : (n, 4) float64
+        1 sigma of the three components of (1 + scale) h and of the bias.
+    noise : (n,) float64
+        Standard deviation of what is left, per sample.
+    """
+
+    array: SensorArray
+    sigma: Array = field(repr=False)
+    noise: Array = field(repr=False)
+
+
+def fit_axes(truth: ArrayLike, measured: ArrayLike, dt: ArrayLike, name: str = "array") -> AxesFit:
+    """Calibrate directions, scale factors and biases from known motion, by least squares.
+
+    Parameters
+    ----------
+    truth : (k, 3) array_like
+        True increments of the body, as of a turntable, rad.
+    measured : (k, n) array_like
+        The sensors' increments, rad.
+    dt : (k,) array_like
+        Intervals, s.
+    name : str
+
+    Raises
+    ------
+    InputError
+        If the motion does not turn about all three axes.
+    """
+    t, m, h = (np.asarray(x, np.float64) for x in (truth, measured, dt))
+    if t.ndim != 2 or t.shape[1] != 3 or m.ndim != 2 or len(m) != len(t) or h.shape != (len(t),):
+        raise InputError(
+            f"expected truth (k, 3), measured (k, n) and dt (k,), got {t.shape}, {m.shape} and "
+            f"{h.shape}"
+        )
+    basis = np.column_stack([t, h])
+    size = np.linalg.norm(basis, axis=0)
+    if len(t) < 5 or np.any(size == 0) or np.linalg.cond(basis / size) > 1e6:
+        raise InputError(
+            "the motion does not tell directions and biases apart: turn about all three axes"
+        )
+    inverse = np.linalg.inv(basis.T @ basis)
+    found = m.T @ basis @ inverse
+    left = m - basis @ found.T
+    noise = np.sqrt(np.sum(left**2, axis=0) / (len(t) - 4))
+    gain = np.linalg.norm(found[:, :3], axis=1)
+    array = SensorArray(
+        found[:, :3] / gain[:, None], name, scale=gain - 1.0, bias=found[:, 3],
+        sigma=np.where(noise > 0, noise, 1.0),
+    )  # fmt: skip
+    return AxesFit(array, noise[:, None] * np.sqrt(np.diag(inverse)), noise)
