@@ -79,6 +79,7 @@ FULL = Mapping(
     start_time=-2.5,
     coning_corrected=True,
     sculling_corrected=False,
+    array="triad",
     delimiter=";",
     comment="//",
     decimal=",",

@@ -45,7 +45,7 @@ from schuler.constants import ARCMIN
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.record import ImuRecord, Summariser
-from schuler.sensors import ImuSpec, load_spec
+from schuler.sensors import ImuSpec, SensorArray, load_array, load_spec
 
 __all__ = ["Aligner", "Estimate", "align", "estimate"]
 
@@ -165,6 +165,9 @@ class Aligner:
         The instrument: a grade, a TOML file or an `ImuSpec`.
     at : {"end", "start"}
         The instant of the attitude.
+    array : SensorArray or str, optional
+        Geometry of redundant gyros: records then have a column for each. The specification stays
+        that of the fused triad.
 
     Raises
     ------
@@ -179,6 +182,7 @@ class Aligner:
         spec: ImuSpec | str | Path | None = None,
         *,
         at: str = "end",
+        array: SensorArray | str | None = None,
     ) -> None:
         from schuler.kernels import tracking
 
@@ -193,6 +197,7 @@ class Aligner:
         self.method = parse_method(method)
         self.spec = load_spec(spec)
         self.at = at
+        self.array = None if array is None else load_array(array)
         self._tracking = tracking
         self._state = np.zeros(tracking.STATE_SIZE)
         self._state[2] = 1.0
@@ -223,10 +228,13 @@ class Aligner:
         """
         if not len(chunk):
             return self
+        if self.array is not None:
+            chunk = self.array.fuse(chunk)
         if chunk.dtheta.shape[1] != 3 or chunk.dvel.shape[1] != 3:
             raise InputError(
                 "an alignment needs three gyros and three accelerometers, got "
-                f"{chunk.dtheta.shape[1]} and {chunk.dvel.shape[1]}"
+                f"{chunk.dtheta.shape[1]} and {chunk.dvel.shape[1]}; of more gyros, name the "
+                "array's geometry"
             )
         if self.method.prefilter is not None:
             self._held.append(chunk)
@@ -417,6 +425,7 @@ def align(
     spec: ImuSpec | str | Path | None = None,
     *,
     at: str = "end",
+    array: SensorArray | str | None = None,
 ) -> Alignment:
     """Align a record: attitude and heading with an honest uncertainty.
 
@@ -432,6 +441,8 @@ def align(
         The instrument, for the parts of the uncertainty that the record cannot show.
     at : {"end", "start"}
         The instant of the attitude.
+    array : SensorArray or str, optional
+        Geometry of redundant gyros.
 
     Raises
     ------
@@ -443,7 +454,7 @@ def align(
     >>> fix = align(record, Site(34.246, 108.910, 380), spec="navigation-rlg")  # doctest: +SKIP
     >>> print(fix)  # doctest: +SKIP
     """
-    return Aligner(site, method, spec, at=at).update(record).solution()
+    return Aligner(site, method, spec, at=at, array=array).update(record).solution()
 
 
 # A method that is not in the union would fall through `estimate`'s branches unseen.

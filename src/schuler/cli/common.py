@@ -33,8 +33,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _MAPPING_KEYS = (
     "columns", "gyro", "accel", "time", "mean_rates", "axes", "rate", "start_time",
-    "coning_corrected", "sculling_corrected", "delimiter", "comment", "decimal", "skip_rows",
-    "header", "variables",
+    "coning_corrected", "sculling_corrected", "array", "delimiter", "comment", "decimal",
+    "skip_rows", "header", "variables",
 )  # fmt: skip
 
 
@@ -105,6 +105,10 @@ file_options = _stack(
         click.option(
             "--sculling-corrected/--no-sculling-corrected", default=None,
             help="Whether the instrument has corrected its velocity increments for sculling.",
+        ),
+        click.option(
+            "--array", metavar="NAME|TOML",
+            help="Geometry of redundant gyros (see schuler array): t,g1,g2 ...,ax,ay,az are fused.",
         ),
         click.option("--delimiter", metavar="CHAR", help="What separates cells of a text file."),
         click.option("--comment", metavar="CHAR", help="What starts a comment in a text file."),

@@ -21,7 +21,7 @@ from schuler.cli.common import (
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
     from schuler.align import Alignment
     from schuler.earth import Site
@@ -59,7 +59,6 @@ __all__ = ["command"]
     show_default=True,
     help="free, off (no vertical motion), damped or damped=HEIGHT (m).",
 )
-@click.option("--array", "array_name", metavar="NAME|TOML", help="Geometry of redundant gyros.")
 @click.option(
     "--spec",
     metavar="GRADE|TOML",
@@ -92,7 +91,6 @@ def command(**options: Any) -> None:
         options.pop("vertical")
     )  # fmt: skip
     spec, every = load_spec(options.pop("spec")), options.pop("every")
-    array = options.pop("array_name")
     outputs = [options.pop(key) for key in ("out_to", "json_to", "report_to")]
     out_to, json_to, report_to = outputs
     start, stop = options.pop("start"), options.pop("stop")
@@ -113,11 +111,6 @@ def command(**options: Any) -> None:
     if out_to is not None and not out_to.lower().endswith((".parquet", ".pq")):
         raise InputError(f"--out {out_to}: a path is written as Parquet; name a file in .parquet")
     truth = read_reference(against) if against else None
-    geometry = None
-    if array is not None:
-        from schuler.sensors import load_array
-
-        geometry = load_array(array)
     source, finish = open_file(options)
     site = site_or_none(options, source)
     if site is None:
@@ -126,10 +119,7 @@ def command(**options: Any) -> None:
     fix: Alignment | None = None
     navigator: Navigator | None = None
     with progress(source, source.chunks(start=start, stop=stop)) as chunks:
-        flow: Iterable[ImuRecord] = chunks
-        if geometry is not None:
-            flow = (geometry.fuse(chunk) for chunk in chunks)
-        flow = iter(flow)
+        flow = chunks
         if align_for is not None:
             fix, flow = _align(flow, site, align_for, spec)
         begin = _start(site, angles, velocity, fix)

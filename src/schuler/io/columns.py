@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from schuler.errors import InputError
-from schuler.io.mapping import ROLES, SKIP, Mapping
+from schuler.io.mapping import SKIP, Mapping
 
 __all__ = ["Chosen", "choose", "split_unit"]
 
@@ -32,6 +32,9 @@ for _sensor in "ga":
         for _stem in _INCREMENT_STEMS[_sensor]:
             _ALIASES[_stem + _axis] = _sensor + _axis
             _INCREMENTS.add(_stem + _axis)
+_GYROS = (*_STEMS["g"], *_INCREMENT_STEMS["g"])
+_NUMBERED = re.compile(r"([a-z]+)(\d{1,2})")
+_WORDS = {6: "six", 7: "seven"}
 
 
 @dataclass(frozen=True)
@@ -107,20 +110,21 @@ def choose(names: Sequence[str] | None, count: int, mapping: Mapping) -> Chosen:
     elif mapping.columns is not None:
         picked = _picked(names, mapping.columns, mapping)
     else:
-        picked = _recognised(names)
-    missing = [role for role in ROLES[1:] if role not in picked]
+        picked = _recognised(names, mapping)
+    roles = mapping.roles
+    missing = [role for role in roles[1:] if role not in picked]
     if missing:
         listing = f"its columns are {_listing(names)}" if names else f"it has {count} columns"
         raise InputError(
             f"no column for {', '.join(missing)} was found; {listing}; "
-            "say which to take with --columns t,gx,gy,gz,ax,ay,az"
+            f"say which to take with --columns {','.join(roles)}"
         )
     t = picked.get("t")
     if t is None and mapping.rate is None:
         raise InputError(
             "there is no time column: name it with --columns, or give the rate with --rate"
         )
-    values = tuple(picked[role] for role in ROLES[1:])
+    values = tuple(picked[role] for role in roles[1:])
     if names is None:
         label = "" if t is None else f"column {t + 1}"
         return Chosen(t, values, t_label=label)
@@ -130,23 +134,24 @@ def choose(names: Sequence[str] | None, count: int, mapping: Mapping) -> Chosen:
         t,
         values,
         steps[0] if len(steps) == 1 else None,
-        _unit(names, values[:3], "gyro", "rad", mapping.gyro),
-        _unit(names, values[3:], "accel", "m/s", mapping.accel),
+        _unit(names, values[:-3], "gyro", "rad", mapping.gyro),
+        _unit(names, values[-3:], "accel", "m/s", mapping.accel),
         None if t is None or mapping.time else split_unit(names[t])[1],
         "" if t is None else f"column '{split_unit(names[t])[0]}'",
     )
 
 
 def _without_names(count: int, mapping: Mapping) -> dict[str, int]:
-    columns = mapping.columns
+    columns, roles = mapping.columns, mapping.roles
     if columns is None:
-        if count == 7:
-            return {role: i for i, role in enumerate(ROLES)}
-        if count == 6 and mapping.rate is not None:
-            return {role: i for i, role in enumerate(ROLES[1:])}
+        if count == len(roles):
+            return {role: i for i, role in enumerate(roles)}
+        if count == len(roles) - 1 and mapping.rate is not None:
+            return {role: i for i, role in enumerate(roles[1:])}
+        many, less = _WORDS.get(len(roles), len(roles)), _WORDS.get(len(roles) - 1, len(roles) - 1)
         raise InputError(
-            f"it has {count} column{'s' if count != 1 else ''} without names, where seven are "
-            "needed (t,gx,gy,gz,ax,ay,az; six with --rate): name them in order with --columns, "
+            f"it has {count} column{'s' if count != 1 else ''} without names, where {many} are "
+            f"needed ({','.join(roles)}; {less} with --rate): name them in order with --columns, "
             "_ passes over one"
         )
     if all(isinstance(entry, int) for entry in columns):
@@ -157,11 +162,11 @@ def _without_names(count: int, mapping: Mapping) -> dict[str, int]:
     for i, entry in enumerate(columns):
         if entry in SKIP:
             continue
-        role = None if isinstance(entry, int) else _ALIASES.get(_plain(entry))
+        role = None if isinstance(entry, int) else _role(entry, roles)
         if role is None:
             raise InputError(
                 f"column '{entry}' means nothing here: the file's columns have no names, so name "
-                "them in the file's order with t, gx, gy, gz, ax, ay, az and _ (or all by number)"
+                f"them in the file's order with {', '.join(roles)} and _ (or all by number)"
             )
         if role in picked:
             raise InputError(f"--columns names {role} twice")
@@ -196,26 +201,40 @@ def _picked(names: Sequence[str], columns: Sequence[str | int], mapping: Mapping
 
 
 def _by_order(columns: Sequence[str | int], found: list[int], mapping: Mapping) -> dict[str, int]:
-    roles: tuple[str, ...] = ROLES
-    if len(found) == 7:
+    roles = mapping.roles
+    count = len(roles)
+    if len(found) == count:
         pass
-    elif len(found) == 6 and mapping.rate is not None:
-        roles = ROLES[1:]
+    elif len(found) == count - 1 and mapping.rate is not None:
+        roles = roles[1:]
     else:
-        hint = "seven (t,gx,gy,gz,ax,ay,az)"
-        if len(found) == 6:
-            raise InputError(f"--columns names 6 columns: name {hint}, or give --rate without t")
-        raise InputError(f"--columns names {len(found)} columns, expected {hint}, six with --rate")
+        hint = f"{_WORDS.get(count, count)} ({','.join(roles)})"
+        if len(found) == count - 1:
+            raise InputError(
+                f"--columns names {count - 1} columns: name {hint}, or give --rate without t"
+            )
+        raise InputError(
+            f"--columns names {len(found)} columns, expected {hint}, "
+            f"{_WORDS.get(count - 1, count - 1)} with --rate"
+        )
     for entry, column in zip(columns, found, strict=True):
         if found.count(column) > 1:
             raise InputError(f"--columns takes column {column + 1} ('{entry}') twice")
     return dict(zip(roles, found, strict=True))
 
 
-def _recognised(names: Sequence[str]) -> dict[str, int]:
+def _role(name: str, roles: tuple[str, ...]) -> str | None:
+    """Return what a column's name stands for; an array's gyros are numbered from 1."""
+    plain = _plain(name)
+    numbered = _NUMBERED.fullmatch(plain)
+    role = f"g{int(numbered[2])}" if numbered and numbered[1] in _GYROS else _ALIASES.get(plain)
+    return role if role in roles else None
+
+
+def _recognised(names: Sequence[str], mapping: Mapping) -> dict[str, int]:
     picked: dict[str, int] = {}
     for i, name in enumerate(names):
-        role = _ALIASES.get(_plain(split_unit(name)[0]))
+        role = _role(split_unit(name)[0], mapping.roles)
         if role is None:
             continue
         if role in picked:
@@ -235,7 +254,9 @@ def _unit(
     units = []
     for i in columns:
         base, unit = split_unit(names[i])
-        units.append(increment if unit is None and _plain(base) in _INCREMENTS else unit)
+        stem = _plain(base)
+        known = stem in _INCREMENTS or stem.rstrip("0123456789") in _INCREMENT_STEMS["g"]
+        units.append(increment if unit is None and known else unit)
     if len(set(units)) > 1:
         raise InputError(
             f"the {what} columns have different units ({', '.join(str(u) for u in units)}); "

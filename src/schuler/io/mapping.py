@@ -12,6 +12,7 @@ from typing import Any
 from schuler._files import replacing
 from schuler.errors import InputError
 from schuler.io.axes import parse_axes
+from schuler.sensors.array import load_array
 from schuler.units import parse_factor
 
 __all__ = ["ROLES", "SKIP", "Mapping"]
@@ -25,7 +26,7 @@ SKIP = ("_", "-")
 _GYRO = ("angular rate", "angle")
 _ACCEL = ("acceleration", "velocity")
 _BOOLS = ("mean_rates", "header", "coning_corrected", "sculling_corrected")
-_TEXTS = ("gyro", "accel", "time", "axes", "delimiter", "comment", "decimal")
+_TEXTS = ("gyro", "accel", "time", "axes", "array", "delimiter", "comment", "decimal")
 _WORDS = {"tab": "\t", "\\t": "\t", "comma": ",", "semicolon": ";", "space": " "}
 
 
@@ -62,6 +63,10 @@ class Mapping:
         instantaneous rates, else the start of the first row's interval.
     coning_corrected, sculling_corrected : bool
         What the instrument has already done to its increments.
+    array : str
+        Geometry of redundant gyros (`schuler.sensors.load_array`): the file then has a column for
+        each, ``t, g1 ... gm, ax, ay, az``, which are fused as they are read. The directions are in
+        right, forward, up, whatever `axes` says of the accelerometers.
     delimiter, comment, decimal : str
         Layout of a text file: what separates cells (``"tab"`` and ``"space"`` are understood;
         space is any run of blanks), what starts a comment line, and the decimal mark.
@@ -89,6 +94,7 @@ class Mapping:
     start_time: float | None = None
     coning_corrected: bool | None = None
     sculling_corrected: bool | None = None
+    array: str | None = None
     delimiter: str | None = None
     comment: str | None = None
     decimal: str | None = None
@@ -111,6 +117,8 @@ class Mapping:
             raise InputError(f"time: the scale '{self.time}' must be positive")
         if self.axes is not None:
             parse_axes(self.axes)
+        if self.array is not None:
+            load_array(self.array)
         for key in ("rate", "start_time"):
             number = getattr(self, key)
             if number is None:
@@ -228,6 +236,14 @@ class Mapping:
         return replace(self, **{key: value for key, value in said.items() if value is not None})
 
     # -- looking -----------------------------------------------------------------------
+
+    @property
+    def roles(self) -> tuple[str, ...]:
+        """What a row holds, in the order in which `columns` names it."""
+        if self.array is None:
+            return ROLES
+        count = len(load_array(self.array))
+        return ("t", *(f"g{k}" for k in range(1, count + 1)), "ax", "ay", "az")
 
     def said(self) -> dict[str, Any]:
         """Return the fields that are said."""

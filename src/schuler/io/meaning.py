@@ -10,6 +10,7 @@ from schuler.errors import InputError
 from schuler.io.axes import RFU, Axes, parse_axes
 from schuler.io.content import Array, Block, Content
 from schuler.io.mapping import Mapping
+from schuler.sensors.array import SensorArray, load_array
 from schuler.units import parse_factor
 
 __all__ = ["Meaning", "settle"]
@@ -17,7 +18,7 @@ __all__ = ["Meaning", "settle"]
 #: fields that say what the numbers are, as against how the file is laid out
 _ABOUT = (
     "columns", "gyro", "accel", "time", "mean_rates", "axes", "rate", "start_time",
-    "coning_corrected", "sculling_corrected", "variables",
+    "coning_corrected", "sculling_corrected", "variables", "array",
 )  # fmt: skip
 
 
@@ -39,6 +40,8 @@ class Meaning:
         From the file's axes to right, forward, up.
     sentence : str
         All this for a person to read.
+    array : SensorArray or None
+        The geometry of redundant gyros, fused here.
     """
 
     kind: str
@@ -48,6 +51,7 @@ class Meaning:
     time: float
     axes: Axes
     sentence: str
+    array: SensorArray | None = None
 
     def convert(self, block: Block, done: int) -> tuple[Array, Array, Array | None]:
         """Turn a block of a file into time, values (n, 6) and dt in SI and body axes.
@@ -65,8 +69,13 @@ class Meaning:
         out = np.empty((n, 6))
         for j in range(3):
             k, s = self.axes.take[j], self.axes.sign[j]
-            np.multiply(columns[k], s * self.gyro[k], out=out[:, j])
-            np.multiply(columns[3 + k], s * self.accel[k], out=out[:, 3 + j])
+            if self.array is None:
+                np.multiply(columns[k], s * self.gyro[k], out=out[:, j])
+            np.multiply(columns[k - 3], s * self.accel[k], out=out[:, 3 + j])
+        if self.array is not None:
+            gyros = np.column_stack([np.asarray(c, np.float64) for c in columns[:-3]])
+            out[:, :3] = self.array.solve(self.gyro[0] * gyros, 0.0 if self.kind == "increments"
+                                          else 1.0)  # fmt: skip
         if self.mapping.rate is not None:
             # Instantaneous rates begin at the start; what ends with a row ends one interval later.
             first = done if self.kind == "rates" else done + 1
@@ -127,6 +136,12 @@ def settle(content: Content, given: Mapping, folder: Mapping) -> Meaning:
         raise InputError("a start time needs a rate; without one, time comes from the file")
     kind = "increments" if increments else ("mean-rates" if m.mean_rates else "rates")
     axes = parse_axes(m.axes) if m.axes else RFU
+    array = None if m.array is None else load_array(m.array)
+    if array is not None and kind == "increments" and np.any(array.bias):
+        raise InputError(
+            f"array '{array.name}' has known biases, which can be taken out of rates, not of "
+            "increments, as a file is read; read it without them"
+        )
     gyros, accels = np.full(3, gyro_factor), np.full(3, accel_factor)
     exact = content.factors is not None and content.said.gyro == gyro
     if content.factors is not None and content.said.gyro == gyro:
@@ -146,6 +161,8 @@ def settle(content: Content, given: Mapping, folder: Mapping) -> Meaning:
     else:
         clock = f"time from {content.time_label} in {m.time or 's'}"
     way = f"axes {axes.name}" + ("" if m.axes else " (assumed)")
+    if array is not None:
+        way += f", {len(array)} gyros fused as {array.name}"
     return Meaning(
         kind,
         replace(
@@ -161,4 +178,5 @@ def settle(content: Content, given: Mapping, folder: Mapping) -> Meaning:
         parse_factor(m.time, ("time",), "time")[0] if m.time else 1.0,
         axes,
         f"{words[kind]} in {units}{assumed}, {way}, {clock}",
+        array,
     )

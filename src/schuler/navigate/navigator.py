@@ -15,7 +15,7 @@ from schuler.errors import InputError
 from schuler.navigate.options import Gravity, Vertical, parse_gravity, parse_vertical
 from schuler.navigate.path import Path
 from schuler.record import ImuRecord
-from schuler.sensors import ImuSpec, load_spec
+from schuler.sensors import ImuSpec, SensorArray, load_array, load_spec
 
 __all__ = ["Navigator", "Start", "frame_of", "navigate"]
 
@@ -125,6 +125,8 @@ class Navigator:
         Samples to an update, 1 to 4; by the rate when not given.
     covariance_step : float
         s.
+    array : SensorArray or str, optional
+        Geometry of redundant gyros: records then have a column for each.
 
     Raises
     ------
@@ -142,6 +144,7 @@ class Navigator:
         spec: ImuSpec | str | None = None,
         subsamples: int | None = None,
         covariance_step: float = 1.0,
+        array: SensorArray | str | None = None,
     ) -> None:
         from schuler.kernels import strapdown
 
@@ -154,6 +157,7 @@ class Navigator:
         self.start = start
         self.gravity, self.vertical = parse_gravity(gravity), parse_vertical(vertical)
         self.spec = load_spec(spec)
+        self.array = None if array is None else load_array(array)
         self._kernel = strapdown
         self._state = start.state()
         if self.vertical.mode == "off":
@@ -217,11 +221,12 @@ class Navigator:
         n = len(chunk)
         if not n:
             return self
+        if self.array is not None:
+            chunk = self.array.fuse(chunk)
         if chunk.dtheta.shape[1] != 3 or chunk.dvel.shape[1] != 3:
             raise InputError(
                 "a navigation needs three gyros and three accelerometers, got "
-                f"{chunk.dtheta.shape[1]} and {chunk.dvel.shape[1]}: fuse an array's first "
-                "(SensorArray.fuse)"
+                f"{chunk.dtheta.shape[1]} and {chunk.dvel.shape[1]}: name the array's geometry"
             )
         if height is not None and self.vertical.mode != "damped":
             raise InputError("heights are for a damped vertical channel: say vertical='damped'")
@@ -295,6 +300,7 @@ def navigate(
     every: int = 1,
     spec: ImuSpec | str | None = None,
     subsamples: int | None = None,
+    array: SensorArray | str | None = None,
 ) -> Path:
     """Navigate a record by inertia alone.
 
@@ -307,7 +313,7 @@ def navigate(
         The attitude at the record's start, and its covariance.
     velocity : (3,) array_like
         East, north, up at the start, m/s, with a site.
-    gravity, vertical, every, spec, subsamples
+    gravity, vertical, every, spec, subsamples, array
         As in `Navigator`.
 
     Returns
@@ -330,6 +336,12 @@ def navigate(
     elif fix is not None:
         start = replace(start, quaternion=fix.quaternion)
     navigator = Navigator(
-        start, gravity=gravity, vertical=vertical, every=every, spec=spec, subsamples=subsamples
+        start,
+        gravity=gravity,
+        vertical=vertical,
+        every=every,
+        spec=spec,
+        subsamples=subsamples,
+        array=array,
     )
     return navigator.update(record).path()

@@ -149,11 +149,27 @@ class SensorArray:
             raise InputError(
                 f"{record.name}: has {m} gyro columns, but the array '{self.name}' has {len(self)}"
             )
+        fused = self.solve(record.dtheta, record.dt[:, None], working)
+        return replace(record, dtheta=np.ascontiguousarray(fused))
+
+    def solve(
+        self, measured: Array, interval: float | Array, working: Sequence[int] | None = None
+    ) -> Array:
+        """Return the triad's values (n, 3) of the sensors' (n, m), known errors taken out.
+
+        Parameters
+        ----------
+        measured : (n, m) float64
+            Rates, or increments over an interval.
+        interval : float or (n, 1) float64
+            1 for rates, or the intervals, s: what the known bias is multiplied by.
+        working : sequence of int, optional
+        """
         bias, scale = np.asarray(self.bias), np.asarray(self.scale)
-        clean = record.dtheta
+        clean = measured
         if np.any(bias) or np.any(scale):
-            clean = (clean - record.dt[:, None] * bias) / (1.0 + scale)
-        return replace(record, dtheta=np.ascontiguousarray(clean @ self.estimator(working).T))
+            clean = (clean - interval * bias) / (1.0 + scale)
+        return np.asarray(clean @ self.estimator(working).T)
 
     def measure(self, record: ImuRecord) -> ImuRecord:
         """Return what this array measures where three perfect gyros measure `record`."""
