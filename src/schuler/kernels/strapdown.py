@@ -65,8 +65,9 @@ def gravity_of(code: int, constant: float, s2: float, root: float, height: float
     if code == CONSTANT:
         return constant
     if code == PSINS:
-        # PSINS, ethupdate.m: its own normal-gravity series.
-        return 9.7803267714 * (1.0 + s2 * (5.27094e-3 + 2.32718e-5 * s2)) - 3.086e-6 * height
+        # PSINS, glvf.m and ethupdate.m: beta, beta1 and beta2 of its version of 2026.
+        series = s2 * (5.302438351341767e-3 - 4.0 * 5.861524699395552e-6 * (1.0 - s2))
+        return 9.7803267715 * (1.0 + series) - 3.086e-6 * height
     g0 = GRAVITY_EQUATOR * (1.0 + GRAVITY_K * s2) / root
     if code == SOMIGLIANA1:
         return g0 * (1.0 - 2.0 * height / EARTH_A)

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.attitude import multiply, psi_to_heading, quat_to_euler, quat_to_rotvec
-from schuler.constants import DEG, EARTH_RATE
+from schuler.constants import DEG
 from schuler.earth import gravity, radii
 from schuler.errors import InputError
 from schuler.io.reference import Reference
 from schuler.navigate.path import Path
+from schuler.navigate.propagation import error_matrix
 
 __all__ = ["Components", "Evaluation", "cep", "components", "evaluate", "schuler_rate"]
 
@@ -88,10 +89,11 @@ def components(time: ArrayLike, error: ArrayLike, lat: float, height: float = 0.
         raise InputError(
             f"{t[-1] / 60:.0f} min are too short to tell tones apart: take 170 min or more"
         )
-    # The pole pair of the level loop on a turning Earth: w_s, split by the Foucault rate.
-    split = EARTH_RATE * np.sin(lat)
-    fast = ws + abs(split), ws - abs(split)
-    rates = [fast[0], fast[1], EARTH_RATE] if abs(split) * t[-1] > 0.5 else [ws, EARTH_RATE]
+    # The tones are the error equations' own: the Schuler pair is split by the Foucault beat.
+    tones = np.sort(np.linalg.eigvals(error_matrix(lat, height)).imag)[:-4:-1]
+    daily, slow, fast = sorted(float(w) for w in tones)
+    resolved = (fast - slow) * t[-1] > 0.5
+    rates = [fast, slow, daily] if resolved else [0.5 * (fast + slow), daily]
     columns = [np.ones_like(t), t / t[-1]]
     for w in rates:
         columns += [np.cos(w * t), np.sin(w * t)]

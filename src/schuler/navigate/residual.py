@@ -188,9 +188,15 @@ def optimise_scheme(
     best, best_scheme, current, now = np.inf, None, None, np.inf
     for k in range(tries):
         if current is None or k % 80 == 0:
-            half = rng.integers(0, 4, turns // 2).tolist()
-            # Undone in order, with the other sign: closed by construction.
-            order = half + [i ^ 1 for i in half]
+            # Undone in order with the other sign, and again with the axes exchanged: closed by
+            # construction, and much cancels; the first start is the classical one.
+            fold = turns % 4 == 0
+            part = rng.integers(0, 4, turns // (4 if fold else 2)).tolist()
+            if k == 0:
+                part = [(0, 2, 1, 3)[i % 4] for i in range(len(part))]
+            order = part + [i ^ 1 for i in part]
+            if fold:
+                order += [i ^ 2 for i in order]
         else:
             order = list(current)
             a, b = rng.integers(0, turns, 2)
