@@ -25,6 +25,7 @@ with z the level part of the Earth's axis in n, of length cosL: it has no singul
 18    integral of the height damping, m/s^2
 19    updates since the last row
 20-28 integral of C_b^n, 29-31 of the force in n, 32 of time, since the last covariance
+33-39 the ellipsoid at the last look: as from `ellipsoid`, squared sine of latitude and height
 42 on as in tracking (samples before and samples waiting)
 ===== ====================================================================
 """
@@ -55,35 +56,40 @@ ROW = 13
 SOMIGLIANA, SOMIGLIANA1, PSINS, CONSTANT = 0, 1, 2, 3
 FREE, DAMPED, OFF = 0, 1, 2
 
+SURVEY, RENORM = 8, 64
+"""Updates between two looks at the ellipsoid, and between two corrections of lengths."""
+
+TWELFTH = 1.0 / 12.0
+
 OPTIONS = 7
 """Gravity's code and constant value; vertical's code, three gains and the height to hold."""
 
 
 @helper
-def gravity_of(code: int, constant: float, s2: float, root: float, height: float) -> float:
-    """Return gravity for the squared sine of latitude and sqrt(1 - e2 s2), m/s^2."""
+def ellipsoid(s2: float, height: float, code: int, constant: float):
+    """Return 1/(RN + h), k of the curvature tensor, gravity, and its slopes over height and s2.
+
+    The squared sine of latitude is s2. The slopes serve steps of metres.
+    """
+    w2 = 1.0 - EARTH_E2 * s2
+    inverse = 1.0 / w2
+    root = math.sqrt(w2) * inverse
+    rn = EARTH_A * root
+    a = 1.0 / (rn + height)
+    k = rn * EARTH_E2 * inverse * a / (rn * (1.0 - EARTH_E2) * inverse + height)
     if code == CONSTANT:
-        return constant
+        return a, k, constant, 0.0, 0.0
+    across = GRAVITY_EQUATOR * (GRAVITY_K + 0.5 * EARTH_E2)
     if code == PSINS:
         # PSINS, glvf.m and ethupdate.m: beta, beta1 and beta2 of its version of 2026.
         series = s2 * (5.302438351341767e-3 - 4.0 * 5.861524699395552e-6 * (1.0 - s2))
-        return 9.7803267715 * (1.0 + series) - 3.086e-6 * height
-    g0 = GRAVITY_EQUATOR * (1.0 + GRAVITY_K * s2) / root
+        return a, k, 9.7803267715 * (1.0 + series) - 3.086e-6 * height, -3.086e-6, across
+    g0 = GRAVITY_EQUATOR * (1.0 + GRAVITY_K * s2) * root
     if code == SOMIGLIANA1:
-        return g0 * (1.0 - 2.0 * height / EARTH_A)
+        return a, k, g0 * (1.0 - 2.0 / EARTH_A * height), -2.0 / EARTH_A * g0, across
     slope = -2.0 / EARTH_A * (1.0 + EARTH_F + GRAVITY_M - 2.0 * EARTH_F * s2)
-    return g0 * (1.0 + height * (slope + 3.0 * height / (EARTH_A * EARTH_A)))
-
-
-@helper
-def curvature(s2: float, height: float) -> tuple[float, float, float]:
-    """Return 1/(RN + h), k of the curvature tensor, and sqrt(1 - e2 s2)."""
-    w2 = 1.0 - EARTH_E2 * s2
-    root = math.sqrt(w2)
-    rn = EARTH_A / root
-    rm = rn * (1.0 - EARTH_E2) / w2
-    a = 1.0 / (rn + height)
-    return a, rn * EARTH_E2 / w2 * a / (rm + height), root
+    bend = 3.0 / (EARTH_A * EARTH_A) * height
+    return a, k, g0 * (1.0 + height * (slope + bend)), g0 * (slope + 2.0 * bend), across
 
 
 @helper
@@ -102,10 +108,10 @@ def spin_axis(q) -> Vec:
 
 @helper
 def small_turn(phi: Vec):
-    """Return the quaternion of a rotation vector below 0.01 rad, to rounding."""
+    """Return the quaternion of a rotation vector below 1e-3 rad, to rounding."""
     h = 0.25 * (phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2])
-    s = 0.5 * (1.0 - h / 6.0 * (1.0 - h / 20.0))
-    return 1.0 - 0.5 * h * (1.0 - h / 12.0), s * phi[0], s * phi[1], s * phi[2]
+    s = 0.5 - (0.5 / 6.0) * h
+    return 1.0 - 0.5 * h, s * phi[0], s * phi[1], s * phi[2]
 
 
 @helper
@@ -132,11 +138,23 @@ def advance(s, options, aid: float, span: float, ta, tv, con, scu, coning: float
     p = (s[7], s[8], s[9], s[10])
     z = spin_axis(p)
     height = s[11] + half * middle[2]
-    a, k, root = curvature(z[2] * z[2], height)
+    # The ellipsoid as it was some updates ago, carried here by its slopes: metres make no second
+    # order, and its roots and quotients are off the way from one update to the next.
+    if int(s[17]) % SURVEY == 0:
+        s2 = z[2] * z[2]
+        s[33], s[34], s[35], s[36], s[37] = ellipsoid(s2, s[11], int(options[0]), options[1])
+        s[38], s[39] = s2, s[11]
+        if int(s[17]) % RENORM == 0:
+            # Lengths stray by a rounding an update.
+            s[0], s[1], s[2], s[3] = renormalised((s[0], s[1], s[2], s[3]))
+            p = renormalised(p)
+    up = height - s[39]
+    a = s[33] * (1.0 - s[33] * up - 0.5 * EARTH_E2 * (z[2] * z[2] - s[38]))
+    k = s[34] * (1.0 - 2.0 * s[33] * up)
     turn = transport(a, k, z[0], z[1], middle)
     z = axpy(-half, cross(turn, z), z)
+    g = s[35] + s[36] * up + s[37] * (z[2] * z[2] - s[38])
     earth = scale(EARTH_RATE, z)
-    g = gravity_of(int(options[0]), options[1], z[2] * z[2], root, height)
 
     q = (s[0], s[1], s[2], s[3])
     frame = scale(span, add(earth, turn))
@@ -160,8 +178,9 @@ def advance(s, options, aid: float, span: float, ta, tv, con, scu, coning: float
         dv = (dv[0], dv[1], 0.0)
     after = add(v, dv)
     mean = scale(0.5, add(v, after))
-    q = renormalised(qmul(qmul(small_turn(scale(-1.0, frame)), q), qexp(axpy(coning, con, ta))))
-    p = renormalised(qmul(p, small_turn(scale(span, transport(a, k, z[0], z[1], mean)))))
+    q = qmul(small_turn(scale(-1.0, frame)), qmul(q, qexp(axpy(coning, con, ta))))
+    p = qmul(p, small_turn(scale(span, transport(a, k, z[0], z[1], mean))))
+    s[17] += 1.0
     s[0], s[1], s[2], s[3] = q
     s[4], s[5], s[6] = after
     s[7], s[8], s[9], s[10] = p
@@ -210,19 +229,27 @@ def navigate(
     rows = 0
     tracked = cov.shape[0] > 0
     for i in range(time.shape[0]):
-        k = int(s[48])
-        j = 49 + 6 * k
-        for c in range(3):
-            s[j + c] = dtheta[i, c]
-            s[j + 3 + c] = dvel[i, c]
-        s[15] += dt[i]
-        if k + 1 < n_sub:
-            s[48] = k + 1.0
-            continue
-        s[48] = 0.0
-        span = s[15]
-        s[15] = 0.0
-        ta, tv, con, scu = combine(s, n_sub)
+        if n_sub == 1:
+            span = dt[i]
+            ta = (dtheta[i, 0], dtheta[i, 1], dtheta[i, 2])
+            tv = (dvel[i, 0], dvel[i, 1], dvel[i, 2])
+            ca = (TWELFTH * s[42], TWELFTH * s[43], TWELFTH * s[44])
+            cv = (TWELFTH * s[45], TWELFTH * s[46], TWELFTH * s[47])
+            con, scu = cross(ca, ta), add(cross(ca, tv), cross(cv, ta))
+        else:
+            k = int(s[48])
+            j = 49 + 6 * k
+            for c in range(3):
+                s[j + c] = dtheta[i, c]
+                s[j + 3 + c] = dvel[i, c]
+            s[15] += dt[i]
+            if k + 1 < n_sub:
+                s[48] = k + 1.0
+                continue
+            s[48] = 0.0
+            span = s[15]
+            s[15] = 0.0
+            ta, tv, con, scu = combine(s, n_sub)
         held = aid[i] if aid.shape[0] else options[6]
         if tracked:
             r0, r1, r2 = quat_to_matrix((s[0], s[1], s[2], s[3]))
@@ -232,7 +259,6 @@ def navigate(
                 s[26 + c] += 0.5 * span * r2[c]
         force = advance(s, options, held, span, ta, tv, con, scu, coning, sculling)
         s[16] = time[i]
-        s[17] += 1.0
         for c in range(3):
             s[42 + c] = dtheta[i, c]
             s[45 + c] = dvel[i, c]
@@ -246,9 +272,8 @@ def navigate(
             s[32] += span
             if s[32] >= noise[4] - 0.5 * span:
                 z = spin_axis((s[7], s[8], s[9], s[10]))
-                a, kk, _ = curvature(z[2] * z[2], s[11])
-                turn = transport(a, kk, z[0], z[1], (s[4], s[5], s[6]))
-                propagate(cov, noise, s, options, z, a, kk, turn)
+                turn = transport(s[33], s[34], z[0], z[1], (s[4], s[5], s[6]))
+                propagate(cov, noise, s, options, z, s[33], s[34], turn)
                 for c in range(20, 33):
                     s[c] = 0.0
         s[19] -= 1.0
@@ -352,8 +377,7 @@ def many(starts, options, dt, dtheta, dvel, errors, rng, ends):
                     v[1] + nv * rng.standard_normal(),
                     v[2] + nv * rng.standard_normal(),
                 )
-            k = 1.0 / 12.0
-            ca, cv = scale(k, before_a), scale(k, before_v)
+            ca, cv = scale(TWELFTH, before_a), scale(TWELFTH, before_v)
             advance(
                 s, options, options[6], dt, a, v, cross(ca, a),
                 add(cross(ca, v), cross(cv, a)), 1.0, 1.0,
