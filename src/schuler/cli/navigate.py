@@ -218,11 +218,11 @@ def _print(path: Path, evaluation: Evaluation | None) -> None:
         return
     e = evaluation.to_dict()
     click.echo(
-        f"error     {e['north_m']:.4g} m north, {e['east_m']:.4g} east, {e['down_m']:.4g} down "
-        f"at {e['time_s']:.6g} s; {e['nmi_per_h']:.3g} nmi/h"
+        f"error     {e['north_m']:.4f} m north, {e['east_m']:.4f} east, {e['down_m']:.4f} down "
+        f"at {e['time_s']:.6g} s; {e['nmi_per_h']:.4f} nmi/h"
     )
     if e["heading_deg"] is not None:
         click.echo(
-            f"          heading {e['heading_deg']:.3g} deg, pitch {e['pitch_deg']:.3g}, roll "
-            f"{e['roll_deg']:.3g}"
+            f"          heading {e['heading_deg']:.6f} deg, pitch {e['pitch_deg']:.6f}, roll "
+            f"{e['roll_deg']:.6f}"
         )

@@ -119,11 +119,11 @@ def residual(**options: Any) -> None:
     ):
         rows = data[key]
         worst = [max(abs(rows[i][j]) for i in range(3)) for j in range(3)]
-        # Below a part in 1e12 is the rounding of the averages.
-        shown = "  ".join(f"{v if v > 1e-12 else 0.0:9.3g}" for v in worst)
+        # Below that is the rounding of the averages.
+        shown = "  ".join(f"{v if v > 1e-9 else 0.0:9.3g}" for v in worst)
         click.echo(f"{label:<20}  {shown}   {unit}")
     value = data["misalignment_largest_deg_h_per_arcsec"]
-    click.echo(f"{'misalignment':<20}  {value if value > 1e-12 else 0.0:9.3g} deg/h per arcsec")
+    click.echo(f"{'misalignment':<20}  {value if value > 1e-9 else 0.0:9.3g} deg/h per arcsec")
     click.echo(f"{'random walk':<20}  {1.0:9.3g} of it")
 
 
