@@ -8,6 +8,8 @@ With w_ie, w_en the rates of Earth and frame, K the curvature tensor, U(v) = up 
     dv'   = f x phi - (2 w_ie + w_en) x dv + v x (2 w_ie x U(dr) + U(dv)) + 2 g/R dr_up + C nabla
     dr'   = dv - w_en x dr
 
+and U(dv) with - w_en dr_up / R beside it.
+
 (Titterton and Weston, 2004, chapter 12, in a frame without singular points). C and f are means over
 the step; the transition is taken to second order.
 """
@@ -68,6 +70,12 @@ def propagate(work, noise, s, options, z, a, k, turn):
             work[15 + i, 9 + j] = -s[20 + 3 * i + j] / t
             work[18 + i, 12 + j] = s[20 + 3 * i + j] / t
         work[21 + j, 3 + j] = 1.0
+    # A height too great makes the frame turn too slowly.
+    slower = (-a * turn[0], -a * turn[1], -a * turn[2])
+    bend = cross(v, slower)
+    for i in range(3):
+        work[15 + i, 8] += slower[i]
+        work[18 + i, 8] += bend[i]
     work[20, 8] += 2.0 * 9.81 * a
     if vertical == 1:
         work[20, 8] -= options[4]
