@@ -6,7 +6,7 @@ With w_ie, w_en the rates of Earth and frame, K the curvature tensor, U(v) = up 
 
     phi'  = -(w_ie + w_en) x phi + w_ie x U(dr) + U(dv) - C eps
     dv'   = f x phi - (2 w_ie + w_en) x dv + v x (2 w_ie x U(dr) + U(dv)) + 2 g/R dr_up + C nabla
-    dr'   = dv - w_en x dr
+    dr'   = dv - w_en x dr  (its up component: dv_up)
 
 and U(dv) with - w_en dr_up / R beside it.
 
@@ -70,6 +70,9 @@ def propagate(work, noise, s, options, z, a, k, turn):
             work[15 + i, 9 + j] = -s[20 + 3 * i + j] / t
             work[18 + i, 12 + j] = s[20 + 3 * i + j] / t
         work[21 + j, 3 + j] = 1.0
+    # Height is a coordinate: a step along the ground does not change it.
+    work[23, 6] = 0.0
+    work[23, 7] = 0.0
     # A height too great makes the frame turn too slowly.
     slower = (-a * turn[0], -a * turn[1], -a * turn[2])
     bend = cross(v, slower)
