@@ -115,6 +115,30 @@ def small_turn(phi: Vec):
 
 
 @helper
+def level_turn(p, phi: Vec):
+    """Return p times the quaternion of a small rotation vector that has nothing about up."""
+    h = 0.25 * (phi[0] * phi[0] + phi[1] * phi[1])
+    s = 0.5 - (0.5 / 6.0) * h
+    c, x, y = 1.0 - 0.5 * h, s * phi[0], s * phi[1]
+    return (
+        c * p[0] - x * p[1] - y * p[2],
+        c * p[1] + x * p[0] - y * p[3],
+        c * p[2] + y * p[0] + x * p[3],
+        c * p[3] + y * p[1] - x * p[2],
+    )
+
+
+@helper
+def stored(s, q, v, p, level: float, pull) -> None:
+    """Put the scalars of `advance` back into the state."""
+    s[0], s[1], s[2], s[3] = q
+    s[4], s[5], s[6] = v
+    s[7], s[8], s[9], s[10] = p
+    s[11] = level
+    s[12], s[13], s[14] = pull
+
+
+@helper
 def renormalised(q):
     """Return q scaled to unit length by one Newton step."""
     m = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
@@ -122,32 +146,37 @@ def renormalised(q):
 
 
 @helper
-def advance(s, options, aid: float, span: float, ta, tv, con, scu, coning: float, sculling: float):
-    """Take one update of total angle and velocity, coning and sculling; return the force in n."""
+def advance(
+    s, options, aid: float, span: float, ta, tv, con, scu, coning: float, sculling: float,
+    q, v, p, level: float, pull,
+):  # fmt: skip
+    """Take one update of total angle and velocity, coning and sculling.
+
+    The state comes and goes as scalars (attitude, velocity, q_n^e, height, acceleration), which
+    stay in registers from one update to the next; `s` holds the slow rest. The force in n goes
+    with them.
+    """
     u = tv
     if sculling != 0.0:
         c1, c2 = rotation_averages(ta[0] * ta[0] + ta[1] * ta[1] + ta[2] * ta[2])
         x1 = cross(ta, tv)
         u = add(axpy(c1, x1, axpy(c2, cross(ta, x1), tv)), scu)
-    vertical = int(options[2])
-
     # Where the middle of the update is, and how fast: by the last acceleration.
-    v = (s[4], s[5], s[6])
     half = 0.5 * span
-    middle = axpy(half, (s[12], s[13], s[14]), v)
-    p = (s[7], s[8], s[9], s[10])
+    middle = axpy(half, pull, v)
     z = spin_axis(p)
-    height = s[11] + half * middle[2]
+    height = level + half * middle[2]
     # The ellipsoid as it was some updates ago, carried here by its slopes: metres make no second
     # order, and its roots and quotients are off the way from one update to the next.
-    if int(s[17]) % SURVEY == 0:
+    count = int(s[17])
+    if count % SURVEY == 0:
         s2 = z[2] * z[2]
-        s[33], s[34], s[35], s[36], s[37] = ellipsoid(s2, s[11], int(options[0]), options[1])
-        s[38], s[39] = s2, s[11]
-        if int(s[17]) % RENORM == 0:
+        s[33], s[34], s[35], s[36], s[37] = ellipsoid(s2, level, int(options[0]), options[1])
+        s[38], s[39] = s2, level
+        if count % RENORM == 0:
             # Lengths stray by a rounding an update.
-            s[0], s[1], s[2], s[3] = renormalised((s[0], s[1], s[2], s[3]))
-            p = renormalised(p)
+            q, p = renormalised(q), renormalised(p)
+    s[17] += 1.0
     up = height - s[39]
     a = s[33] * (1.0 - s[33] * up - 0.5 * EARTH_E2 * (z[2] * z[2] - s[38]))
     k = s[34] * (1.0 - 2.0 * s[33] * up)
@@ -155,39 +184,39 @@ def advance(s, options, aid: float, span: float, ta, tv, con, scu, coning: float
     z = axpy(-half, cross(turn, z), z)
     g = s[35] + s[36] * up + s[37] * (z[2] * z[2] - s[38])
     earth = scale(EARTH_RATE, z)
+    rate = add(earth, turn)
 
-    q = (s[0], s[1], s[2], s[3])
-    frame = scale(span, add(earth, turn))
     force = qrotate(q, u)
-    # The frame turns while the force acts: half of its turn, to second order.
-    f1 = cross(frame, force)
-    dv = axpy(-0.5, f1, axpy(1.0 / 6.0, cross(frame, f1), force))
-    bend = cross(add(scale(2.0, earth), turn), middle)
+    # Coriolis, and the half of the frame's turn that the force feels, in one product.
+    bend = add(cross(rate, axpy(0.5, force, middle)), cross(earth, middle))
     dv = (
-        dv[0] - span * bend[0],
-        dv[1] - span * bend[1],
-        dv[2] - span * (bend[2] + g),
+        force[0] - span * bend[0],
+        force[1] - span * bend[1],
+        force[2] - span * (bend[2] + g),
     )
     climb = 0.0
+    vertical = int(options[2])
     if vertical == DAMPED:
-        off = s[11] - aid
+        off = level - aid
         s[18] += span * options[5] * off
         dv = (dv[0], dv[1], dv[2] - span * (options[4] * off + s[18]))
         climb = -options[3] * off
     elif vertical == OFF:
         dv = (dv[0], dv[1], 0.0)
-    after = add(v, dv)
-    mean = scale(0.5, add(v, after))
-    q = qmul(small_turn(scale(-1.0, frame)), qmul(q, qexp(axpy(coning, con, ta))))
-    p = qmul(p, small_turn(scale(span, transport(a, k, z[0], z[1], mean))))
-    s[17] += 1.0
-    s[0], s[1], s[2], s[3] = q
-    s[4], s[5], s[6] = after
-    s[7], s[8], s[9], s[10] = p
-    s[11] += span * (mean[2] + climb)
-    r = 1.0 / span
-    s[12], s[13], s[14] = r * dv[0], r * dv[1], r * dv[2]
-    return force
+    mean = axpy(0.5, dv, v)
+    q = qmul(small_turn(scale(-span, rate)), qmul(q, qexp(axpy(coning, con, ta))))
+    p = level_turn(p, scale(span, transport(a, k, z[0], z[1], mean)))
+    return q, add(v, dv), p, level + span * (mean[2] + climb), scale(1.0 / span, dv), force
+
+
+@helper
+def gather(s, q, weight: float) -> None:
+    """Add to the integral of C_b^n."""
+    r0, r1, r2 = quat_to_matrix(q)
+    for c in range(3):
+        s[20 + c] += weight * r0[c]
+        s[23 + c] += weight * r1[c]
+        s[26 + c] += weight * r2[c]
 
 
 @kernel
@@ -228,14 +257,19 @@ def navigate(
     s = state
     rows = 0
     tracked = cov.shape[0] > 0
+    aided = aid.shape[0] > 0
+    q, v, p = (s[0], s[1], s[2], s[3]), (s[4], s[5], s[6]), (s[7], s[8], s[9], s[10])
+    level, pull = s[11], (s[12], s[13], s[14])
+    ba, bv = (s[42], s[43], s[44]), (s[45], s[46], s[47])
+    left = s[19]
     for i in range(time.shape[0]):
         if n_sub == 1:
             span = dt[i]
             ta = (dtheta[i, 0], dtheta[i, 1], dtheta[i, 2])
             tv = (dvel[i, 0], dvel[i, 1], dvel[i, 2])
-            ca = (TWELFTH * s[42], TWELFTH * s[43], TWELFTH * s[44])
-            cv = (TWELFTH * s[45], TWELFTH * s[46], TWELFTH * s[47])
+            ca, cv = scale(TWELFTH, ba), scale(TWELFTH, bv)
             con, scu = cross(ca, ta), add(cross(ca, tv), cross(cv, ta))
+            ba, bv = ta, tv
         else:
             k = int(s[48])
             j = 49 + 6 * k
@@ -250,44 +284,41 @@ def navigate(
             span = s[15]
             s[15] = 0.0
             ta, tv, con, scu = combine(s, n_sub)
-        held = aid[i] if aid.shape[0] else options[6]
+        held = aid[i] if aided else options[6]
         if tracked:
-            r0, r1, r2 = quat_to_matrix((s[0], s[1], s[2], s[3]))
-            for c in range(3):
-                s[20 + c] += 0.5 * span * r0[c]
-                s[23 + c] += 0.5 * span * r1[c]
-                s[26 + c] += 0.5 * span * r2[c]
-        force = advance(s, options, held, span, ta, tv, con, scu, coning, sculling)
-        s[16] = time[i]
-        for c in range(3):
-            s[42 + c] = dtheta[i, c]
-            s[45 + c] = dvel[i, c]
+            gather(s, q, 0.5 * span)
+        q, v, p, level, pull, force = advance(
+            s, options, held, span, ta, tv, con, scu, coning, sculling, q, v, p, level, pull
+        )
         if tracked:
-            r0, r1, r2 = quat_to_matrix((s[0], s[1], s[2], s[3]))
+            gather(s, q, 0.5 * span)
             for c in range(3):
-                s[20 + c] += 0.5 * span * r0[c]
-                s[23 + c] += 0.5 * span * r1[c]
-                s[26 + c] += 0.5 * span * r2[c]
                 s[29 + c] += force[c]
             s[32] += span
             if s[32] >= noise[4] - 0.5 * span:
-                z = spin_axis((s[7], s[8], s[9], s[10]))
-                turn = transport(s[33], s[34], z[0], z[1], (s[4], s[5], s[6]))
+                stored(s, q, v, p, level, pull)
+                z = spin_axis(p)
+                turn = transport(s[33], s[34], z[0], z[1], v)
                 propagate(cov, noise, s, options, z, s[33], s[34], turn)
                 for c in range(20, 33):
                     s[c] = 0.0
-        s[19] -= 1.0
-        if s[19] <= 0.0:
-            s[19] = every
+        left -= 1.0
+        if left <= 0.0:
+            left = every
             out[rows, 0] = time[i]
-            for c in range(7):
-                out[rows, 1 + c] = s[c]
-            for c in range(5):
-                out[rows, 8 + c] = s[7 + c]
+            out[rows, 1], out[rows, 2], out[rows, 3], out[rows, 4] = q
+            out[rows, 5], out[rows, 6], out[rows, 7] = v
+            out[rows, 8], out[rows, 9], out[rows, 10], out[rows, 11] = p
+            out[rows, 12] = level
             if tracked:
                 for c in range(15):
                     variances[rows, c] = cov[c, c]
             rows += 1
+        s[16] = time[i]
+    stored(s, q, v, p, level, pull)
+    s[42], s[43], s[44] = ba
+    s[45], s[46], s[47] = bv
+    s[19] = left
     return rows
 
 
@@ -351,8 +382,9 @@ def many(starts, options, dt, dtheta, dvel, errors, rng, ends):
         e = errors[r]
         na, nv = e[24] * root, e[25] * root
         noisy = na > 0.0 or nv > 0.0
-        before_a = (s[42], s[43], s[44])
-        before_v = (s[45], s[46], s[47])
+        before_a, before_v = (s[42], s[43], s[44]), (s[45], s[46], s[47])
+        q, speed, p = (s[0], s[1], s[2], s[3]), (s[4], s[5], s[6]), (s[7], s[8], s[9], s[10])
+        level, pull = s[11], (s[12], s[13], s[14])
         for i in range(dtheta.shape[0]):
             x, y, z = dtheta[i, 0], dtheta[i, 1], dtheta[i, 2]
             a = (
@@ -378,11 +410,12 @@ def many(starts, options, dt, dtheta, dvel, errors, rng, ends):
                     v[2] + nv * rng.standard_normal(),
                 )
             ca, cv = scale(TWELFTH, before_a), scale(TWELFTH, before_v)
-            advance(
+            q, speed, p, level, pull, _ = advance(
                 s, options, options[6], dt, a, v, cross(ca, a),
-                add(cross(ca, v), cross(cv, a)), 1.0, 1.0,
+                add(cross(ca, v), cross(cv, a)), 1.0, 1.0, q, speed, p, level, pull,
             )  # fmt: skip
             before_a, before_v = a, v
+        stored(s, q, speed, p, level, pull)
         s[42], s[43], s[44] = before_a
         s[45], s[46], s[47] = before_v
         ends[r, 0] = dt * dtheta.shape[0]
