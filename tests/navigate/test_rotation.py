@@ -197,6 +197,12 @@ def test_the_optimiser_finds_what_sixteen_are():
         optimise_scheme(8, limits=Limits(travel=90.0), tries=5)
 
 
+def test_a_case_without_errors_has_nothing_to_compare():
+    data = {"errors": {"accel_scale": "5 ppm"}, "duration": "1 h"}
+    with pytest.raises(InputError, match="nothing to compare"):
+        compare_rotation(RotationCase.from_dict(data))
+
+
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [

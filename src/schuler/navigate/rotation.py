@@ -250,7 +250,9 @@ class Comparison:
                     **{f"{name}_largest_m": float(value[i].max()) for name, value in m.items()},
                     "single_axis_reduction_percent": [float(100 * one[i].min()),
                                                       float(100 * one[i].max())],
-                    "two_axis_least_ratio": float((m["fixed"][i] / m["two_axis"][i]).min()),
+                    "two_axis_least_ratio": float(
+                        (m["fixed"][i] / np.maximum(m["two_axis"][i], 1e-9)).min()
+                    ),
                 }
                 for i, lat in enumerate(case.latitudes)
             ],
@@ -259,13 +261,24 @@ class Comparison:
 
 
 def compare_rotation(case: RotationCase) -> Comparison:
-    """Propagate a case's errors fixed, turned about one axis and about two."""
+    """Propagate a case's errors fixed, turned about one axis and about two.
+
+    Raises
+    ------
+    InputError
+        If the fixed instrument makes no error somewhere: there is nothing to reduce.
+    """
     fixed = named_scheme("fixed")
     ends = [
         end_errors(turned(scheme, case.duration), case.errors, case.latitudes, case.headings,
                    case.site.height)
         for scheme in (fixed, case.single, case.double)
     ]  # fmt: skip
+    if np.any(np.hypot(*np.moveaxis(ends[0], -1, 0)) < 1e-6):
+        raise InputError(
+            f"{case.name}: these errors move the fixed instrument nowhere at some heading, so there "
+            "is nothing to compare; give it a gyro or accelerometer bias"
+        )
     return Comparison(case, *ends)
 
 

@@ -31,7 +31,7 @@ def rotation_report(found: Comparison, path: str | Path) -> None:
     """
     case, m = found.case, found.metres()
     one = 100.0 * (1.0 - m["single_axis"] / m["fixed"])
-    two = m["fixed"] / m["two_axis"]
+    two = m["fixed"] / np.maximum(m["two_axis"], 1e-9)
     near = int(np.argmin(np.abs(case.latitudes - case.site.lat)))
     lat = float(case.latitudes[near])
     head = (
