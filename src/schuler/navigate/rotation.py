@@ -276,8 +276,8 @@ def compare_rotation(case: RotationCase) -> Comparison:
     ]  # fmt: skip
     if np.any(np.hypot(*np.moveaxis(ends[0], -1, 0)) < 1e-6):
         raise InputError(
-            f"{case.name}: these errors move the fixed instrument nowhere at some heading, so there "
-            "is nothing to compare; give it a gyro or accelerometer bias"
+            f"{case.name}: these errors move the fixed instrument nowhere at some heading, so "
+            "there is nothing to compare; give it a gyro or accelerometer bias"
         )
     return Comparison(case, *ends)
 
