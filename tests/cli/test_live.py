@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from schuler.align import LiveAligner, align
+from schuler.align.live import fill
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.io.packets import encode_csv, encode_frame
@@ -73,7 +74,7 @@ def test_udp_with_a_bad_line(record):
     """5 % dropped, 5 % repeated, 5 % shuffled: the heading is that of the whole record."""
     port = free_port()
     process = start(f"udp:{port}", "--lat", "50", "--spec", "navigation-rlg", "--json",
-                    "--idle", "1.5", "--every", "0.2", "--method", "centred")  # fmt: skip
+                    "--idle", "5", "--every", "0.2", "--method", "centred")  # fmt: skip
     packets = shaken(samples(record), np.random.default_rng(1))
     sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     time.sleep(2.5)
@@ -81,6 +82,7 @@ def test_udp_with_a_bad_line(record):
         sender.sendto(encode_frame(*item, "increments"), ("127.0.0.1", port))
         if k % 50 == 0:
             time.sleep(0.01)
+    sender.close()
     out, err = process.communicate(timeout=60)
     assert process.returncode == 0, err.decode()
     lines = [json.loads(line) for line in out.decode().splitlines()]
@@ -91,7 +93,8 @@ def test_udp_with_a_bad_line(record):
     assert last["counts"]["lost"] > 100
     whole = align(record, SITE, "centred", "navigation-rlg")
     off = abs(last["heading_deg"] - whole.heading_deg) * 60
-    assert off < max(3.0, whole.sigma_arcmin[2])
+    # Interpolated samples leave some noise of their own; sigma says so.
+    assert off < 3 * last["sigma_arcmin"]["up"]
 
 
 def test_a_clean_stream_gives_the_record_s_own_bits(record):
@@ -139,6 +142,20 @@ def test_a_checkpoint_of_another_alignment_is_refused(record, tmp_path):
         LiveAligner(SITE, "increments", "centred", "navigation-rlg").load(path)
 
 
+def test_losses_are_filled_by_a_quintic():
+    def curve(k):
+        return k, 0.1 * k, tuple(float(k**5 - 2 * k**2 + c) for c in range(6))
+
+    known = [curve(k) for k in range(20) if k not in (7, 8, 13)]
+    np.testing.assert_allclose(
+        [[s[1], *s[2]] for s in fill([], known)], [[curve(k)[1], *curve(k)[2]] for k in range(20)],
+        rtol=1e-9, atol=1e-9,
+    )  # fmt: skip
+    assert [s[0] for s in fill(known[:3], known[3:])] == list(range(3, 20))
+    far = [curve(0), curve(1), curve(40)]
+    assert fill([], far) == far
+
+
 def test_csv_by_a_pipe(record):
     process = start("-", "--lat", "50", "--kind", "increments", "--json")
     data = b"# number, time, ...\n" + b"".join(encode_csv(*s) for s in samples(record))
@@ -155,7 +172,7 @@ def test_a_serial_port(record):
     import tty
 
     tty.setraw(theirs)
-    process = start(f"serial:{os.ttyname(theirs)}", "--lat", "50", "--idle", "1", "--json")
+    process = start(f"serial:{os.ttyname(theirs)}", "--lat", "50", "--idle", "5", "--json")
     time.sleep(2.0)
     os.set_blocking(ours, False)
     data = b"".join(encode_frame(*item, "increments") for item in samples(record)[:3000])

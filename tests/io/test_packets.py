@@ -45,9 +45,12 @@ def test_a_damaged_frame_costs_itself_only():
 @given(st.binary(max_size=2000))
 def test_any_bytes_do_no_harm(data):
     parser = PacketParser()
-    parser.feed(data)
-    tail = parser.feed(b"\n" * 80 + stream(range(3)))
+    parser.feed(stream(range(2)) + data)
+    tail = parser.feed(bytes(FRAME_BYTES) + stream(range(3)))
     assert [s[0] for s in tail][-3:] == [0, 1, 2]
+    lines = PacketParser()
+    lines.feed(b"#\n" + data)
+    assert [s[0] for s in lines.feed(b"\n" + stream(range(3), True))] == [0, 1, 2]
 
 
 def test_lines_that_are_no_samples_are_counted():

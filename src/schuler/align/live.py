@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -24,11 +25,45 @@ __all__ = ["LiveAligner"]
 
 Sample = tuple[int, float, tuple[float, ...]]
 
+FILLED = 8
+"""Lost samples running that are interpolated."""
+
+
+def fill(before: list[Sample], samples: list[Sample]) -> list[Sample]:
+    """Return samples in order with short losses between them interpolated.
+
+    Parameters
+    ----------
+    before : list of sample
+        The last samples that were returned already, for the first loss.
+    samples : list of sample
+        Those that follow, in order.
+    """
+    known = [*before, *samples]
+    out: list[Sample] = []
+    for k in range(len(before), len(known)):
+        missing = known[k][0] - known[k - 1][0] - 1 if k else 0
+        if 0 < missing <= FILLED:
+            near = known[max(0, k - 3) : k + 3]
+            x = np.array([s[0] for s in near], np.float64)
+            y = np.array([[s[1], *s[2]] for s in near])
+            for number in range(known[k - 1][0] + 1, known[k][0]):
+                # Lagrange's weights: exact for a quintic on six neighbours.
+                weight = np.array([
+                    np.prod([(number - b) / (a - b) for b in x if b != a]) for a in x
+                ])  # fmt: skip
+                row = weight @ y
+                out.append((number, float(row[0]), tuple(map(float, row[1:]))))
+        out.append(known[k])
+    return out
+
 
 class LiveAligner:
     """Take samples in any order; give the alignment at any time.
 
-    Lost samples are bridged as gaps of a record are, repeated and late ones left out.
+    Up to `FILLED` lost samples running are interpolated by a quintic through their neighbours, as
+    a held rate would leave the vehicle's sway in the attitude; longer losses are bridged as gaps of
+    a record are. Repeated and late samples are left out.
 
     Parameters
     ----------
@@ -70,6 +105,7 @@ class LiveAligner:
         self._max_gap = max_gap
         self.intake = Intake(kind, max_gap=max_gap, name="live")
         self.order = Reorder(depth)
+        self._before: list[Sample] = []
 
     @property
     def samples(self) -> int:
@@ -101,6 +137,9 @@ class LiveAligner:
     def _take(self, samples: list[Sample]) -> None:
         if not samples:
             return
+        filled = fill(self._before, samples)
+        self._before = [*self._before, *filled][-3:]
+        samples = filled
         time = np.array([s[1] for s in samples])
         chunk = self.intake.push(time, np.array([s[2] for s in samples]))
         if len(chunk):
@@ -145,6 +184,7 @@ class LiveAligner:
         held = list(self.order.held.values())
         arrays["held"] = np.array([[n, t, *v] for n, t, v in held]).reshape(len(held), 8)
         o = self.order
+        arrays["before"] = np.array([[n, t, *v] for n, t, v in self._before]).reshape(-1, 8)
         arrays["order"] = np.array(
             [-1 if o.expected is None else o.expected, o.lost, o.repeated, o.late], np.float64
         )
@@ -161,10 +201,10 @@ class LiveAligner:
             If the file cannot be read, or belongs to another alignment, saying what differs.
         """
         try:
-            with np.load(path, allow_pickle=False) as file:
+            with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
                 arrays = {name: file[name] for name in file.files}
             meta = json.loads(bytes(arrays.pop("meta")).decode())
-        except (OSError, ValueError, KeyError, EOFError) as error:
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
             raise InputError(
                 f"{path}: is not a saved state of a live alignment ({error})"
             ) from None
@@ -176,10 +216,18 @@ class LiveAligner:
                     "anew with another file, or say what was said before"
                 )
         expected, lost, repeated, late = (int(v) for v in arrays["order"])
-        held = {int(r[0]): (int(r[0]), float(r[1]), tuple(map(float, r[2:])))
-                for r in arrays["held"]}  # fmt: skip
+        held, before = (
+            [(int(r[0]), float(r[1]), tuple(map(float, r[2:]))) for r in arrays[name]]
+            for name in ("held", "before")
+        )
+        self._before = before
         self.order = Reorder(
-            self.order.depth, lost, repeated, late, None if expected < 0 else expected, held
+            self.order.depth,
+            lost,
+            repeated,
+            late,
+            None if expected < 0 else expected,
+            {sample[0]: sample for sample in held},
         )
         self.intake.restore(arrays)
         self.aligner.restore(arrays, name="live")

@@ -67,45 +67,51 @@ class PacketParser:
     damaged: int = 0
     kind: str | None = None
     _rest: bytes = b""
+    _binary: bool | None = None
 
     def feed(self, data: bytes) -> list[Sample]:
         """Return the samples that are whole with these bytes."""
         data = self._rest + data
+        if self._binary is None and data:
+            # What comes first says what the stream is: digits are found in frames as well.
+            self._binary = data[:1] == _MAGIC[:1]
+        return self._frames(data) if self._binary else self._lines(data)
+
+    def _frames(self, data: bytes) -> list[Sample]:
         out: list[Sample] = []
         at = 0
-        while at < len(data):
-            if data[at : at + 2] == _MAGIC:
-                if len(data) - at < FRAME_BYTES:
-                    break
-                sample = self._frame(data[at : at + FRAME_BYTES])
-                if sample is None:
-                    self.damaged += 1
-                    at += 1
-                    continue
+        while True:
+            at = data.find(_MAGIC, at)
+            if at < 0:
+                # The last byte may be half of the next beginning.
+                self._rest = data[-1:] if data[-1:] == _MAGIC[:1] else b""
+                return out
+            if len(data) - at < FRAME_BYTES:
+                self._rest = data[at:]
+                return out
+            sample = self._frame(data[at : at + FRAME_BYTES])
+            if sample is None:
+                self.damaged += 1
+                at += 1
+            else:
                 out.append(sample)
                 at += FRAME_BYTES
+
+    def _lines(self, data: bytes) -> list[Sample]:
+        *lines, rest = data.split(b"\n")
+        if len(rest) > _LONGEST_LINE:
+            self.damaged += 1
+            rest = b""
+        self._rest = rest
+        out: list[Sample] = []
+        for line in map(bytes.strip, lines):
+            if not line or line.startswith(b"#"):
                 continue
-            if data[at : at + 1] in b"0123456789+-. #":
-                end = data.find(b"\n", at)
-                if end < 0:
-                    if len(data) - at > _LONGEST_LINE:
-                        self.damaged += 1
-                        at = len(data)
-                    break
-                line = data[at:end].strip()
-                at = end + 1
-                if line and not line.startswith(b"#"):
-                    sample = _csv(line)
-                    if sample is None:
-                        self.damaged += 1
-                    else:
-                        out.append(sample)
-                continue
-            # Between frames: look for the next beginning.
-            if len(data) - at == 1 and data[at:] == _MAGIC[:1]:
-                break
-            at += 1
-        self._rest = data[at:]
+            sample = _csv(line)
+            if sample is None:
+                self.damaged += 1
+            else:
+                out.append(sample)
         return out
 
     def _frame(self, frame: bytes) -> Sample | None:
