@@ -29,6 +29,7 @@ from schuler.align.methods import (
     parse_prefilter,
     with_prefilter,
 )
+from schuler.align.positions import Fixture, Suggestion, suggest_position
 from schuler.align.result import Alignment
 from schuler.align.windows import Windows, align_windows
 
@@ -42,6 +43,7 @@ __all__ = [
     "Convergence",
     "Fine",
     "FinePass",
+    "Fixture",
     "Gyrocompass",
     "Inertial",
     "LatitudeFix",
@@ -50,6 +52,7 @@ __all__ = [
     "Method",
     "Position",
     "Residual",
+    "Suggestion",
     "Windows",
     "align",
     "align_windows",
@@ -65,6 +68,7 @@ __all__ = [
     "parse_prefilter",
     "position_limit",
     "residual",
+    "suggest_position",
     "with_prefilter",
 ]
 

@@ -22,7 +22,7 @@ from schuler.align.fine import FinePass, fine_alignment
 from schuler.align.history import History, inertial_to_local
 from schuler.align.inertial import MINIMUM_ROWS, solve
 from schuler.align.joint import joint
-from schuler.align.limit import limit
+from schuler.align.limit import Position, limit, position_limit
 from schuler.align.methods import (
     Analytic,
     Auto,
@@ -83,6 +83,7 @@ class Estimate:
     bias_covariance: Array | None = None
     why: str = ""
     passed: FinePass | None = None
+    positions: tuple[Position, ...] = ()
 
     @property
     def covariance(self) -> Array:
@@ -103,6 +104,7 @@ def estimate(
     ratio = None
     why = ""
     biases = bias_covariance = None
+    positions: tuple[Position, ...] = ()
     if isinstance(method, Auto):
         method, why = choose(h, site, spec, method.subsamples)
     if isinstance(method, Inertial):
@@ -118,6 +120,8 @@ def estimate(
             if spec is not None and len(best.dwells) != 1:
                 # One dwell shows no bias apart from the attitude.
                 biases, bias_covariance = best.biases, best.covariance[3:, 3:]
+            if len(best.dwells) > 1:
+                positions = tuple(best.positions(site))
             responses = weighted_responses(
                 best.history, best.weights, best.angle, best.attitude, site.gravity,
                 site.latitude, at_end,
@@ -145,8 +149,9 @@ def estimate(
     budget = instrument_budget(responses, spec, mean_rate, mean_force) if spec else {}
     budget["disturbance"] = disturbance
     return Estimate(
-        method, attitude, budget, orthonormality, ratio, spec, biases, bias_covariance, why
-    )
+        method, attitude, budget, orthonormality, ratio, spec, biases, bias_covariance, why,
+        positions=positions,
+    )  # fmt: skip
 
 
 class Aligner:
@@ -374,13 +379,19 @@ class Aligner:
         if hints and not 0.9 < ratio < 1.1:
             raise InputError(f"{self._name}: {hints[0]} (an alignment needs the force at rest)")
         found = self._estimate(h)
+        if found.positions:
+            # A unit that is turned on purpose does not read Earth rate on average.
+            hints = [text for text in hints if not text.startswith("the mean |w|")]
         warnings = [*self._quality, *hints]
         bound = None
         if self.spec is None:
             warnings.append(_BIAS_MISSING)
         else:
             assert found.spec is not None
-            bound = limit(found.spec, self.site, h.duration, summary.interval)
+            if found.positions:
+                bound = position_limit(found.spec, self.site, found.positions, summary.interval).phi
+            else:
+                bound = limit(found.spec, self.site, h.duration, summary.interval)
             if found.spec is not self.spec and found.noise_ratio is not None:
                 warnings.append(
                     f"the record has {found.noise_ratio:.2g} times the noise power of the "

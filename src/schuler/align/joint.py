@@ -34,10 +34,12 @@ from schuler.align.disturbance import (
 from schuler.align.dwells import find_dwells
 from schuler.align.history import History, Rows, gravity_direction, inertial_to_local
 from schuler.align.inertial import Weights, solve
+from schuler.align.limit import Position
 from schuler.align.uncertainty import mean_attitude, part_covariance
 from schuler.attitude import (
     matrix_to_quat,
     multiply,
+    quat_to_euler,
     quat_to_matrix,
     quat_to_rotvec,
     rotvec_to_quat,
@@ -114,6 +116,23 @@ class Joint:
     sway_levels: Array
     steady: bool
     latitude: Array
+
+    def positions(self, site: Site) -> list[Position]:
+        """Return the dwells as positions of a limit, with the turns between them as tracked."""
+        h = self.history
+        out = []
+        before = 0
+        for begin, end in self.dwells:
+            middle = (begin + end) // 2
+            t = 0.5 * (h.t[middle] + h.t[middle + 1])
+            c = inertial_to_local(float(t), site.latitude) @ self.attitude[middle]
+            psi, theta, gamma = quat_to_euler(matrix_to_quat(c)) / DEG
+            turn = float(h.t[begin] - h.t[before]) if before else 0.0
+            out.append(
+                Position(float(psi), float(theta), float(gamma), float(h.t[end] - h.t[begin]), turn)
+            )
+            before = end
+        return out
 
     @property
     def still(self) -> bool:

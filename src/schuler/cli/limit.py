@@ -39,6 +39,14 @@ __all__ = ["command"]
     metavar="HZ",
     help="Sampling rate: how far rounding averages.",
 )
+@click.option(
+    "--next-yaw",
+    metavar="LOW:HIGH",
+    help="Suggest the next position: how far the unit can be turned from the last one, deg.",
+)
+@click.option(
+    "--next-tilt", type=float, default=0.0, metavar="DEG", help="How far it can be tilted there."
+)
 @click.option("--json", "json_to", metavar="OUT", help="Write the rows as JSON (- : here).")
 @click.option("--report", "report_to", metavar="OUT.html", help="Draw sigma against time.")
 def command(**options: Any) -> None:
@@ -47,8 +55,15 @@ def command(**options: Any) -> None:
     \b
       schuler limit --spec navigation-fog --lat 40 --time 60s,300s,600s
       schuler limit --spec mine.toml --lat 40 --positions two.toml --json -
+      schuler limit --spec navigation-fog --lat 40 --time 300s --next-yaw 0:360
     """  # noqa: D301
-    from schuler.align import Position, load_positions, position_limit
+    from schuler.align import (
+        Fixture,
+        Position,
+        load_positions,
+        position_limit,
+        suggest_position,
+    )
     from schuler.constants import DEG_PER_HOUR, MICRO_G
     from schuler.sensors import load_spec
 
@@ -74,7 +89,7 @@ def command(**options: Any) -> None:
         if not time > 0:
             raise InputError(f"--time: expected positive times, got {time:g} s")
         scaled = [
-            Position(p.heading_ccw_deg, p.pitch_deg, p.roll_deg, p.dwell * time / total)
+            Position(p.heading_ccw_deg, p.pitch_deg, p.roll_deg, p.dwell * time / total, p.turn)
             for p in positions
         ]
         return position_limit(spec, site, scaled, 1.0 / rate)
@@ -91,6 +106,17 @@ def command(**options: Any) -> None:
         }
         for found in limits
     ]
+    suggested = None
+    if options["next_yaw"] is not None:
+        scale = max(times) / total
+        done = [
+            Position(p.heading_ccw_deg, p.pitch_deg, p.roll_deg, p.dwell * scale, p.turn)
+            for p in positions
+        ]
+        fixture = Fixture(_range(options["next_yaw"]), options["next_tilt"])
+        suggested = suggest_position(
+            spec, site, done, fixture, dwell=done[-1].dwell, interval=1.0 / rate
+        )
     if options["json_to"] is not None:
         data = {
             "schema": "schuler.limit/1",
@@ -99,6 +125,15 @@ def command(**options: Any) -> None:
             "positions": len(positions),
             "rows": rows,
         }
+        if suggested is not None:
+            p = suggested.position
+            data["next"] = {
+                "heading_ccw_deg": p.heading_ccw_deg,
+                "pitch_deg": p.pitch_deg,
+                "roll_deg": p.roll_deg,
+                "dwell_s": p.dwell,
+                "sigma_up_arcmin": float(suggested.limit.sigma_arcmin[2]),
+            }
         emit_json(data, options["json_to"])
     if options["report_to"] is not None:
         from schuler.report.limit import limit_report
@@ -118,3 +153,18 @@ def command(**options: Any) -> None:
                 f"{row['time_s']:10.6g}  {sigma['east']:8.4g}'  {sigma['north']:8.4g}'  "
                 f"{sigma['up']:8.4g}'   {gyro}   {accel}"
             )
+        if suggested is not None:
+            p = suggested.position
+            click.echo(
+                f"next: psi {p.heading_ccw_deg:.4g}, pitch {p.pitch_deg:.4g}, roll "
+                f"{p.roll_deg:.4g} deg for {p.dwell:g} s more: up "
+                f"{suggested.limit.sigma_arcmin[2]:.4g}'"
+            )
+
+
+def _range(text: str) -> tuple[float, float]:
+    low, _, high = text.partition(":")
+    try:
+        return float(low), float(high)
+    except ValueError:
+        raise InputError(f"--next-yaw: expected LOW:HIGH in degrees, got '{text}'") from None
