@@ -368,3 +368,12 @@ def test_a_reader_that_goes_away_is_no_traceback(csv: Path) -> None:
         assert process.wait(60) == 1
     assert "Traceback" not in err
     assert "Broken" not in err
+
+
+def test_the_latitude_is_found(run: Run, csv: Path) -> None:
+    data = result(run, csv, "--find-latitude", "--spec", "navigation-fog")
+    sigma = float(data["latitude_sigma_deg"])  # type: ignore[arg-type]
+    assert abs(float(data["latitude_deg"]) - float(PLACE[1])) < 4 * sigma  # type: ignore[arg-type]
+    ran = run("align", csv, "--find-latitude", "--method", "wahba")
+    assert ran.code == 2
+    assert "method of its own" in ran.err

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import time as clock
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -68,6 +69,9 @@ __all__ = ["command"]
     help="The instant of the attitude.",
 )
 @click.option("--windows", type=Seconds(), help="Align each window of this length as well.")
+@click.option(
+    "--find-latitude", is_flag=True, help="Find the latitude too; --lat is not needed then."
+)
 @click.option("--follow", is_flag=True, help="Read on while the file (or - ) grows, live.")
 @click.option("--idle", type=Seconds(), help="With --follow: end after so long without data.")
 @click.option("--json", "json_to", metavar="OUT", help="Write the result as JSON (- : here).")
@@ -97,6 +101,14 @@ def command(**options: Any) -> None:
         raise InputError("--follow aligns all that comes: leave out --windows, --start and --stop")
     if idle is not None and not follow:
         raise InputError("--idle goes with --follow")
+    if options.pop("find_latitude"):
+        if follow or window is not None or name != "auto" or prefilter is not None:
+            raise InputError(
+                "--find-latitude has a method of its own: leave out --method, --prefilter, "
+                "--windows and --follow"
+            )
+        _without_latitude(options, spec, at, (start, stop), (json_to, report_to), calibration_from)
+        return
     source, finish = open_file(options, (math.inf if idle is None else idle) if follow else None)
     site = site_or_none(options, source)
     if site is None:
@@ -138,6 +150,49 @@ def command(**options: Any) -> None:
         report(windows or fix, report_to)
     if json_to != "-":
         _print(fix, windows)
+    finish()
+    say_warnings(fix.warnings)
+
+
+def _without_latitude(
+    options: dict[str, Any], spec: str | None, at: str, span: tuple[float | None, float | None],
+    outputs: tuple[str | None, str | None], calibration_from: str | None,
+) -> None:  # fmt: skip
+    from dataclasses import replace
+
+    from schuler.align import align_without_latitude
+    from schuler.constants import DEG
+    from schuler.record import ImuRecord
+
+    json_to, report_to = outputs
+    for key in ("lat", "lon"):
+        options.pop(key)
+    height = options.pop("height") or 0.0
+    source, finish = open_file(options)
+    check_outputs(json_to, report_to)
+    with progress(source, source.chunks(start=span[0], stop=span[1])) as chunks:
+        read: Iterable[ImuRecord] = chunks
+        if calibration_from is not None:
+            from schuler.calibrate import Calibration
+
+            read = Calibration.from_toml(calibration_from).each(chunks)
+        record = ImuRecord.concatenate(list(read), quality=source.quality)
+    found = align_without_latitude(record, spec, height=height, at=at)
+    fix = _with_source(found.alignment, source, spec, calibration_from)
+    found = replace(found, alignment=fix)
+    if json_to is not None:
+        data = {
+            **fix.to_dict(),
+            "latitude_deg": found.latitude / DEG,
+            "latitude_sigma_deg": found.sigma / DEG,
+        }
+        emit_json(data, json_to)
+    if report_to is not None:
+        from schuler.report import report
+
+        report(fix, report_to)
+    if json_to != "-":
+        click.echo(str(found).partition("\nwarning: ")[0])
     finish()
     say_warnings(fix.warnings)
 
