@@ -2,27 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.align.analytic import analytic_attitude
-from schuler.align.choose import choose
 from schuler.align.compass import compass_alignment
-from schuler.align.disturbance import (
-    analytic_disturbance,
-    disturbance_levels,
-    inertial_disturbance,
-    noise_ratio,
-    residual,
-)
-from schuler.align.fine import FinePass, fine_alignment
-from schuler.align.history import History, inertial_to_local
-from schuler.align.inertial import MINIMUM_ROWS, solve
-from schuler.align.joint import joint
-from schuler.align.limit import Position, limit, position_limit
+from schuler.align.estimate import Estimate, estimate
+from schuler.align.fine import fine_alignment
+from schuler.align.history import History
+from schuler.align.limit import limit, position_limit
 from schuler.align.methods import (
     Analytic,
     Auto,
@@ -34,20 +24,14 @@ from schuler.align.methods import (
     with_prefilter,
 )
 from schuler.align.result import Alignment
-from schuler.align.uncertainty import (
-    analytic_responses,
-    inertial_responses,
-    instrument_budget,
-    weighted_responses,
-)
-from schuler.attitude import matrix_to_quat, quat_to_matrix
+from schuler.attitude import matrix_to_quat
 from schuler.constants import ARCMIN
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.record import ImuRecord, Summariser
 from schuler.sensors import ImuSpec, SensorArray, load_array, load_spec
 
-__all__ = ["Aligner", "Estimate", "align", "estimate"]
+__all__ = ["Aligner", "align"]
 
 Array = NDArray[np.float64]
 
@@ -58,100 +42,6 @@ _BIAS_MISSING = (
     "no instrument specification was given: sigma holds the disturbance seen in the record, but "
     "no gyro or accelerometer bias (say --spec navigation-fog, or a TOML file)"
 )
-
-
-_QUIET = 0.4
-"""Noise power, relative to the specification, that chance makes less than once in a thousand."""
-
-
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """Attitude C_b^n (3, 3) and covariance by source.
-
-    With the orthonormality error of the analytic method, how the residual's power compares with
-    the specification's white noise (`noise_ratio`), and the specification that was used: a record
-    that is surely quieter than its instrument is said to be has its white noise scaled down.
-    """
-
-    method: Inertial | Analytic | Fine | Gyrocompass
-    attitude: Array
-    budget: dict[str, Array]
-    orthonormality: float | None
-    noise_ratio: float | None
-    spec: ImuSpec | None
-    biases: Array | None = None
-    bias_covariance: Array | None = None
-    why: str = ""
-    passed: FinePass | None = None
-    positions: tuple[Position, ...] = ()
-
-    @property
-    def covariance(self) -> Array:
-        """Sum of the budget, rad^2, (3, 3)."""
-        return np.asarray(sum(self.budget.values(), np.zeros((3, 3))))
-
-
-def estimate(
-    h: History, site: Site, method: Inertial | Analytic | Auto, spec: ImuSpec | None, at_end: bool
-) -> Estimate:
-    """Return the attitude of a history and its covariance by source."""
-    if len(h) < MINIMUM_ROWS:
-        raise InputError(
-            f"the span from t = {h.start:.9g} s has only {h.samples} sample(s) "
-            f"({h.duration:.3g} s), too few to align: take a longer one"
-        )
-    orthonormality = None
-    ratio = None
-    why = ""
-    biases = bias_covariance = None
-    positions: tuple[Position, ...] = ()
-    if isinstance(method, Auto):
-        method, why = choose(h, site, spec, method.subsamples)
-    if isinstance(method, Inertial):
-        left = residual(h, site)
-        if spec:
-            ratio = noise_ratio(left, site.gravity, spec)
-            if ratio is not None and ratio < _QUIET:
-                spec = spec.with_white_noise(np.sqrt(ratio))
-        sway = np.zeros((3, 3))
-        if method.estimator == "optimal":
-            best = joint(h, site, spec)
-            r, sway, levels = best.rotation, best.sway, best.levels
-            if spec is not None and len(best.dwells) != 1:
-                # One dwell shows no bias apart from the attitude.
-                biases, bias_covariance = best.biases, best.covariance[3:, 3:]
-            if len(best.dwells) > 1:
-                positions = tuple(best.positions(site))
-            responses = weighted_responses(
-                best.history, best.weights, best.angle, best.attitude, site.gravity,
-                site.latitude, at_end,
-            )  # fmt: skip
-        else:
-            r = solve(h, site.gravity, site.latitude, method.estimator)
-            levels = disturbance_levels(left, site.gravity, spec)
-            responses = inertial_responses(
-                h, r, site.gravity, site.latitude, method.estimator, at_end
-            )
-        tracked = quat_to_matrix(h.quat[-1]) if at_end else np.eye(3)
-        when = h.duration if at_end else 0.0
-        attitude = inertial_to_local(when, site.latitude) @ r @ tracked
-        c = inertial_to_local(when, site.latitude)
-        disturbance = inertial_disturbance(left, levels, responses, site) + c @ sway @ c.T
-    else:
-        angle, velocity = h.increments()
-        attitude, orthonormality = analytic_attitude(
-            angle / h.duration, velocity / h.duration, site, method.base
-        )
-        responses = analytic_responses(h, attitude, site.gravity, site.earth_rate, method.base)
-        disturbance = analytic_disturbance(h, attitude, responses)
-    angle, velocity = h.increments()
-    mean_rate, mean_force = angle / h.duration, velocity / h.duration
-    budget = instrument_budget(responses, spec, mean_rate, mean_force) if spec else {}
-    budget["disturbance"] = disturbance
-    return Estimate(
-        method, attitude, budget, orthonormality, ratio, spec, biases, bias_covariance, why,
-        positions=positions,
-    )  # fmt: skip
 
 
 class Aligner:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.align.aligner import estimate
+from schuler.align.estimate import estimate
 from schuler.align.fine import FinePass
 from schuler.align.inertial import MINIMUM_ROWS
 from schuler.align.methods import Fine, Gyrocompass
