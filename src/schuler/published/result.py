@@ -1,0 +1,208 @@
+"""What a repeated experiment gives: rows of printed and computed figures side by side."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from importlib.resources import files
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.attitude import multiply, quat_to_rotvec
+from schuler.constants import ARCMIN
+from schuler.errors import InputError
+
+__all__ = ["Experiment", "Options", "Row", "conditions", "each_run", "misalignment"]
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One figure, as printed and as it comes out; None where there is none.
+
+    Parameters
+    ----------
+    quantity, unit : str
+    printed : float or None
+        In the document.
+    document_method : float or None
+        Ours by the document's method.
+    best : float or None
+        Ours by schuler's best method, on the same data.
+    limit : float or None
+        What no method can beat.
+    note : str
+    """
+
+    quantity: str
+    unit: str
+    printed: float | None = None
+    document_method: float | None = None
+    best: float | None = None
+    limit: float | None = None
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        # NumPy's numbers would not go into JSON.
+        for name in ("printed", "document_method", "best", "limit"):
+            value = getattr(self, name)
+            object.__setattr__(self, name, None if value is None else float(value))
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A repeated experiment.
+
+    Parameters
+    ----------
+    name, title, citation : str
+    errata : tuple of str
+        What was not printed and had to be assumed, and what contradicts itself.
+    runs : int
+        Independent runs to each random figure.
+    rows : tuple of Row
+    """
+
+    name: str
+    title: str
+    citation: str
+    errata: tuple[str, ...]
+    runs: int
+    rows: tuple[Row, ...] = field(repr=False)
+
+    def row(self, quantity: str) -> Row:
+        """Return the row of a quantity.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        for row in self.rows:
+            if row.quantity == quantity:
+                return row
+        raise InputError(f"{self.name} has no quantity '{quantity}'")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, as an entry of the JSON schema `schuler.published/1`."""
+        return {
+            "title": self.title, "citation": self.citation, "errata": list(self.errata),
+            "runs": self.runs, "rows": [asdict(row) for row in self.rows],
+        }  # fmt: skip
+
+    def __str__(self) -> str:
+        def cell(value: float | None) -> str:
+            return "-" if value is None else f"{value:.4g}"
+
+        width = max(len(f"{row.quantity}, {row.unit}") for row in self.rows)
+        heads = ("printed", "document", "best", "limit")
+        lines = [
+            f"{self.name}: {self.title}",
+            self.citation,
+            "",
+            f"{'':<{width}}" + "".join(f"{head:>11}" for head in heads),
+        ]
+        for row in self.rows:
+            values = (row.printed, row.document_method, row.best, row.limit)
+            lines.append(
+                f"{f'{row.quantity}, {row.unit}':<{width}}"
+                + "".join(f"{cell(value):>11}" for value in values)
+                + (f"  {row.note}" if row.note else "")
+            )
+        lines += ["", *(f"* {text}" for text in self.errata)]
+        return "\n".join(line.rstrip() for line in lines)
+
+
+@dataclass(frozen=True)
+class Options:
+    """How an experiment is run.
+
+    Parameters
+    ----------
+    runs : int, optional
+        Independent runs; the experiment's own number when not given.
+    seed : int
+    workers : int, optional
+        Processes; as many as there are cores when not given. Figures do not depend on it.
+    progress : callable, optional
+        Called with the number of jobs done and of all.
+    """
+
+    runs: int | None = None
+    seed: int = 0
+    workers: int | None = None
+    progress: Callable[[int, int], None] | None = None
+
+    def __post_init__(self) -> None:
+        if self.runs is not None and self.runs < 2:
+            raise InputError(f"a spread needs two runs at least, got {self.runs}")
+        if self.workers is not None and self.workers < 1:
+            raise InputError(f"one worker at least has to work, got {self.workers}")
+        if self.seed < 0:
+            raise InputError(f"a seed is a number of 0 or more, got {self.seed}")
+
+
+def conditions(name: str) -> dict[str, Any]:
+    """Return the conditions of an experiment, and what its document prints, from its TOML."""
+    text = files("schuler.published").joinpath("data", f"{name}.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)
+
+
+def experiment(case: dict[str, Any], name: str, runs: int, rows: Sequence[Row]) -> Experiment:
+    """Put an experiment together."""
+    return Experiment(
+        name, case["title"], case["citation"], tuple(case["errata"]), runs, tuple(rows)
+    )
+
+
+def each_run(
+    function: Callable[..., T], jobs: Iterable[tuple[Any, ...]], options: Options
+) -> Iterator[T]:
+    """Give what a function makes of each job, in their order; on processes where there are many.
+
+    Parameters
+    ----------
+    function : callable
+        At the top of a module, so that a process can find it; its jobs carry their own seeds.
+    jobs : iterable of tuple
+        Arguments.
+    options : Options
+    """
+    import os
+
+    todo = list(jobs)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    workers = min(options.workers or cores or 1, len(todo))
+
+    def tell(done: int) -> None:
+        if options.progress is not None:
+            options.progress(done, len(todo))
+
+    if workers <= 1:
+        for k, job in enumerate(todo, 1):
+            yield function(*job)
+            tell(k)
+        return
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    from schuler.campaign.worker import start
+
+    # Forked processes would inherit locks of the threads that Arrow has started.
+    context = get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=start) as pool:
+        futures = [pool.submit(function, *job) for job in todo]
+        for k, future in enumerate(futures, 1):
+            yield future.result()
+            tell(k)
+
+
+def misalignment(found: ArrayLike, true: ArrayLike) -> Array:
+    """Return phi (3,), arcmin, of a quaternion against the true one: C_est = (I - [phi x]) C."""
+    back = np.asarray(true, np.float64) * [1.0, -1.0, -1.0, -1.0]
+    return np.asarray(-quat_to_rotvec(multiply(found, back)) / ARCMIN)
