@@ -28,6 +28,7 @@ _COMMANDS = {
     "allan": ("schuler.cli.allan", "Tell an instrument's noise from a static record."),
     "calibrate": ("schuler.cli.calibrate", "Find an instrument's coefficients from a test."),
     "plan": ("schuler.cli.plan", "Find the test that shows an instrument's coefficients best."),
+    "published": ("schuler.cli.published", "Redo published experiments beside what was printed."),
     "demo": ("schuler.cli.demo", "Align a simulated truck and compare with the truth."),
 }
 

@@ -66,9 +66,11 @@ def _block(number: int, first: int, last: int, seed: int) -> tuple[Array, Array]
     for k in range(first, last):
         rng = np.random.default_rng([seed, 2006, number, k])
         made = simulate(table, site, duration, settings["rate"], spec, rng)
-        for method, to in zip((filter_, None), found, strict=True):
-            fix = align(made.record, site, method, spec)
-            to.append(misalignment(fix.quaternion, made.truth.quaternion[-1]))
+        # A filter knows most at its end; the default method is asked for the start, as the limit is.
+        for method, at, to in ((filter_, "end", found[0]), (None, "start", found[1])):
+            fix = align(made.record, site, method, spec, at=at)
+            true = made.truth.quaternion[0 if at == "start" else -1]
+            to.append(misalignment(fix.quaternion, true))
     return np.array(found[0]), np.array(found[1])
 
 

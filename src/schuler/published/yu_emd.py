@@ -42,6 +42,7 @@ def methods(stop: float) -> dict[str, Method | None]:
     filters = {
         "no prefilter": None,
         "EMD as printed": Emd(threshold=stop, first=False, channels="both", frame="body"),
+        "EMD as printed, of the force": Emd(threshold=stop, first=False),
         "EMD improved": Emd(),
     }
     out: dict[str, Method | None] = {}
@@ -103,6 +104,7 @@ def run(options: Options) -> Experiment:
         for name, figure in (
             ("no prefilter", "before_arcmin"),
             ("EMD as printed", "after_arcmin"),
+            ("EMD as printed, of the force", None),
             ("EMD improved", None),
         ):
             value = None if stage == "TRIAD" or figure is None else printed[figure]
@@ -121,6 +123,7 @@ def run(options: Options) -> Experiment:
     for name, figure in (
         ("no prefilter", "settled_before_s"),
         ("EMD as printed", "settled_after_s"),
+        ("EMD as printed, of the force", None),
         ("EMD improved", None),
     ):
         rows.append(

@@ -1,0 +1,83 @@
+"""The command ``schuler published``: experiments of the literature, redone."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import click
+
+from schuler.cli.common import check_outputs, emit_json
+
+__all__ = ["command"]
+
+
+@click.group("published", context_settings={"help_option_names": ["-h", "--help"]})
+def command() -> None:
+    """Redo published experiments: printed, by the document's method, by ours, and the limit.
+
+    \b
+      schuler published list
+      schuler published run guo2015
+      schuler published run all --report published.html --json published.json
+    """  # noqa: D301
+
+
+@command.command("list")
+def list_() -> None:
+    """Say which experiments there are, and where they were published."""
+    from schuler.published import EXPERIMENTS, conditions
+
+    width = max(map(len, EXPERIMENTS))
+    for name in EXPERIMENTS:
+        case = conditions(name)
+        click.echo(f"{name:<{width}}  {case['title']}\n{'':<{width}}  {case['citation']}")
+
+
+@command.command("run")
+@click.argument("name")
+@click.option("--runs", type=int, metavar="N", help="Independent runs (each its own without it).")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
+@click.option("--workers", type=int, metavar="N", help="Processes; one to a core without it.")
+@click.option("--json", "json_to", metavar="OUT", help="Write the rows as JSON (- : here).")
+@click.option("--report", "report_to", metavar="OUT.html", help="Write a page.")
+def run_(
+    name: str, runs: int | None, seed: int, workers: int | None, json_to: str | None,
+    report_to: str | None,
+) -> None:  # fmt: skip
+    """Redo the experiment NAME, several with commas, or all."""
+    from schuler.errors import InputError
+    from schuler.published import EXPERIMENTS, Options, run, to_dict
+
+    names = list(EXPERIMENTS) if name == "all" else [each.strip() for each in name.split(",")]
+    for each in names:
+        if each not in EXPERIMENTS:
+            raise InputError(
+                f"'{each}' is no published experiment; there are {', '.join(EXPERIMENTS)}, and all"
+            )
+    Options(runs, seed, workers)
+    check_outputs(json_to, report_to)
+    if report_to is not None:
+        from schuler.report.page import graph_objects
+
+        graph_objects()  # a missing library is said before the work, too
+    shown = sys.stderr.isatty()
+    found = []
+    for each in dict.fromkeys(names):
+
+        def progress(done: int, of: int, each: str = each) -> None:
+            if shown:
+                click.echo(f"\r\x1b[K{each}: {done} of {of}", err=True, nl=False)
+
+        options: dict[str, Any] = {"runs": runs, "seed": seed, "workers": workers}
+        found.append(run(each, progress=progress, **options))
+        if shown:
+            click.echo("\r\x1b[K", err=True, nl=False)
+        if json_to != "-":
+            click.echo(("" if len(found) == 1 else "\n") + str(found[-1]))
+    if json_to is not None:
+        emit_json(to_dict(found), json_to)
+    if report_to is not None:
+        from schuler.report.published import published_report
+
+        published_report(found, report_to)

@@ -1,0 +1,142 @@
+"""A platform's coefficients from a centrifuge test of six positions (Xu and Zhang, 2017)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.calibrate import (
+    PUBLISHED_POSITIONS,
+    Ekf,
+    Objective,
+    Plant,
+    Problem,
+    fit_platform,
+    judge,
+    plan,
+    published_truth,
+    scheme_information,
+    simulate_platform,
+)
+from schuler.calibrate.centrifuge import coefficient_names, coefficient_units
+from schuler.published.result import (
+    Experiment,
+    Options,
+    Row,
+    conditions,
+    each_run,
+    experiment,
+)
+
+__all__ = ["figures", "run"]
+
+Array = NDArray[np.float64]
+
+_BLOCK = 5
+_GYRO = slice(0, 27)
+_ACCEL = slice(27, 42)
+
+
+def figures(errors: Array) -> Array:
+    """Return the figures that the document prints from errors (..., 45) in rad/s, g and rad.
+
+    Worst of the gyros and D_Fz, %; worst of the accelerometers, %; worst k0, ug; worst k1, ug/g.
+    """
+    names = coefficient_names()
+    relative = 100.0 * np.abs(errors / published_truth())
+    spoken = np.abs(errors) / coefficient_units()[1]
+
+    def worst(stem: str) -> Array:
+        return np.asarray(spoken[..., [n.startswith(stem) for n in names]].max(axis=-1))
+
+    return np.stack(
+        [
+            relative[..., _GYRO].max(axis=-1),
+            relative[..., names.index("D_Fz")],
+            relative[..., _ACCEL].max(axis=-1),
+            worst("k0"),
+            worst("k1"),
+        ],
+        axis=-1,
+    )
+
+
+def _block(first: int, last: int, seed: int) -> tuple[Array, Array]:
+    """Return the coefficients' errors (runs, 45) after one pass and after several."""
+    settings = conditions("xu2017")["simulation"]
+    plant, truth = Plant(), published_truth()
+    rng = np.random.default_rng([seed, 2017, first])
+    outputs = simulate_platform(
+        plant, PUBLISHED_POSITIONS, settings["dwell"], truth, rng, last - first
+    )
+    return tuple(
+        np.array([
+            fit_platform(plant, PUBLISHED_POSITIONS, one, Ekf(passes=passes)).value - truth
+            for one in outputs
+        ])
+        for passes in (1, settings["passes"])
+    )  # type: ignore[return-value]  # fmt: skip
+
+
+def run(options: Options) -> Experiment:
+    """Redo the test of six positions, and judge its scheme.
+
+    Parameters
+    ----------
+    options : Options
+    """
+    case = conditions("xu2017")
+    settings, printed, runs = case["simulation"], case["printed"], options.runs or case["runs"]
+    jobs: list[tuple[Any, ...]] = [
+        (a, min(a + _BLOCK, runs), options.seed) for a in range(0, runs, _BLOCK)
+    ]
+    done = list(each_run(_block, jobs, options))
+    one, more = (np.median(figures(np.concatenate([d[i] for d in done])), axis=0) for i in (0, 1))
+    plant, dwell = Plant(), settings["dwell"]
+    least = np.linalg.inv(scheme_information(plant, PUBLISHED_POSITIONS, dwell))
+    rng = np.random.default_rng([options.seed, 45])
+    drawn = rng.standard_normal((4000, len(least))) @ np.linalg.cholesky(least).T
+    bound = np.median(figures(drawn), axis=0)
+    rows = [
+        Row(quantity, unit, printed[key], one[k], more[k], bound[k], "median of the runs")
+        for k, (quantity, unit, key) in enumerate((
+            ("worst error of a gyro coefficient", "%", "gyro_percent"),
+            ("error of D_Fz", "%", "D_Fz_percent"),
+            ("worst error of an accelerometer coefficient", "%", "accelerometer_percent"),
+            ("worst error of k0", "ug", "k0_ug"),
+            ("worst error of k1", "ug/g", "k1_ug_g"),
+        ))
+    ]  # fmt: skip
+    return experiment(case, "xu2017", runs, rows + _scheme_rows(case, plant))
+
+
+def _scheme_rows(case: dict[str, Any], plant: Plant) -> list[Row]:
+    """Judge the printed scheme, and one found for each purpose in the same time."""
+    dwell, search = case["simulation"]["dwell"], case["search"]
+    own = judge(plant, PUBLISHED_POSITIONS, dwell)
+    found = {
+        name: judge(
+            plant,
+            plan(
+                Problem(plant, objective=Objective(name)), seed=search["seed"],
+                rounds=search["rounds"], workers=1,
+            ).positions,
+            dwell,
+        )
+        for name in ("sum-rho", "min-max")
+    }  # fmt: skip
+    rows = [
+        Row("sum of |correlation| of the scheme", "1", None, own.values["sum-rho"],
+            found["sum-rho"].values["sum-rho"],
+            note="best: the scheme that a search for this sum finds"),
+    ]  # fmt: skip
+    for what, part in (("gyro", _GYRO), ("accelerometer", _ACCEL)):
+        rows.append(
+            Row(f"worst sigma of the scheme, {what}", "%", None, own.relative[part].max(),
+                found["min-max"].relative[part].max(), own.relative[part].max(),
+                "best: another scheme, searched for the least worst sigma; limit: of the "
+                "document's scheme")
+        )  # fmt: skip
+    return rows
