@@ -80,4 +80,4 @@ def run_(
     if report_to is not None:
         from schuler.report.published import published_report
 
-        published_report(found, report_to)
+        published_report(to_dict(found), report_to)

@@ -16,7 +16,7 @@ from schuler.published.result import Experiment, Options, Row, conditions
 __all__ = ["EXPERIMENTS", "Experiment", "Options", "Row", "conditions", "run", "to_dict"]
 
 #: names, in the order in which they are run
-EXPERIMENTS = ("guo2015", "fang2006", "yu_emd", "xu2017")
+EXPERIMENTS = ("guo2015", "fang2006", "yu_emd", "du2016", "xu2017")
 
 
 def run(

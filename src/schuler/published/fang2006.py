@@ -44,9 +44,7 @@ def table_of(angles: list[list[float]], dwell: float) -> tuple[Turntable, float,
     positions = [Position(*angles[0], dwell=dwell)]
     for before, after in itertools.pairwise(angles):
         turns = [
-            Turn(axis, b - a)
-            for axis, a, b in zip(AXES, before, after, strict=True)
-            if b != a
+            Turn(axis, b - a) for axis, a, b in zip(AXES, before, after, strict=True) if b != a
         ]
         steps += [*turns, Dwell(dwell)]
         took = float(sum(turn.time for turn in turns))
@@ -66,7 +64,7 @@ def _block(number: int, first: int, last: int, seed: int) -> tuple[Array, Array]
     for k in range(first, last):
         rng = np.random.default_rng([seed, 2006, number, k])
         made = simulate(table, site, duration, settings["rate"], spec, rng)
-        # A filter knows most at its end; the default method is asked for the start, as the limit is.
+        # A filter knows most at its end; the default method is asked for the start.
         for method, at, to in ((filter_, "end", found[0]), (None, "start", found[1])):
             fix = align(made.record, site, method, spec, at=at)
             true = made.truth.quaternion[0 if at == "start" else -1]

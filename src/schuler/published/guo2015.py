@@ -105,9 +105,7 @@ def two_instants(
         y /= np.linalg.norm(y, axis=-1, keepdims=True)
         return np.stack([x, y, np.cross(x, y)], axis=-1)
 
-    printed = np.linalg.solve(
-        columns(g1, g2).swapaxes(-1, -2), columns(f1, f2).swapaxes(-1, -2)
-    )
+    printed = np.linalg.solve(columns(g1, g2).swapaxes(-1, -2), columns(f1, f2).swapaxes(-1, -2))
     return {
         "eq. 6 and 9": printed,
         "TRIAD": triad(g1, g2) @ triad(f1, f2).swapaxes(-1, -2),

@@ -2,50 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from schuler.report.figures import BLUE, GREEN, GREY, ORANGE, figure_of, plot_layout
 from schuler.report.page import Drawing, Section, graph_objects, write_page
 
-if TYPE_CHECKING:
-    from schuler.published import Experiment, Row
-
 __all__ = ["published_report"]
 
+_KEYS = ("printed", "document_method", "best", "limit")
 _HEADS = ("printed", "by its method", "by schuler", "limit")
 
 
-def _values(row: Row) -> tuple[float | None, ...]:
-    return row.printed, row.document_method, row.best, row.limit
+def _values(row: Mapping[str, Any]) -> tuple[float | None, ...]:
+    return tuple(row[key] for key in _KEYS)
 
 
-def _table(found: Experiment) -> str:
+def _table(found: Mapping[str, Any]) -> str:
     body = "".join(
-        f'<tr><th scope="row">{escape(row.quantity)}</th><td>{escape(row.unit)}</td>'
+        f"<tr><th scope='row'>{escape(row['quantity'])}</th><td>{escape(row['unit'])}</td>"
         + "".join(f"<td>{'–' if v is None else f'{v:.4g}'}</td>" for v in _values(row))
-        + f"<td>{escape(row.note)}</td></tr>"
-        for row in found.rows
+        + f"<td>{escape(row['note'])}</td></tr>"
+        for row in found["rows"]
     )
     heads = ("quantity", "unit", *_HEADS, "note")
     return (
-        f"<table><caption>{escape(found.citation)}</caption><thead><tr>"
+        f"<table><caption>{escape(found['citation'])}</caption><thead><tr>"
         + "".join(f'<th scope="col">{head}</th>' for head in heads)
         + f"</tr></thead><tbody>{body}</tbody></table>"
     )
 
 
-def _drawing(found: Experiment) -> Drawing | None:
+def _drawing(name: str, found: Mapping[str, Any]) -> Drawing | None:
     """Draw the rows that have two figures at least, each over its printed one or the document's."""
     go = graph_objects()
-    rows = [row for row in found.rows if sum(v is not None for v in _values(row)) > 1]
+    rows = [row for row in found["rows"] if sum(v is not None for v in _values(row)) > 1]
     # Spreads and errors fill a logarithmic axis; signed figures are for the table.
     rows = [row for row in rows if all(v is None or v > 0 for v in _values(row))]
     if not rows:
         return None
-    names = [f"{row.quantity}, {row.unit}" for row in rows]
+    names = [f"{row['quantity']}, {row['unit']}" for row in rows]
     marks = (("diamond", ORANGE), ("circle", GREY), ("square", BLUE), ("line-ns-open", GREEN))
     traces: list[Any] = []
     for k, (head, (symbol, colour)) in enumerate(zip(_HEADS, marks, strict=True)):
@@ -65,15 +63,16 @@ def _drawing(found: Experiment) -> Drawing | None:
     layout["yaxis"].update(autorange="reversed", automargin=True)
     layout["hovermode"] = "y unified"
     text = "Printed figures beside ours and the limit, on a logarithmic axis."
-    return Drawing(figure_of(traces, layout), text, f"{found.name}: {text}")
+    return Drawing(figure_of(traces, layout), text, f"{name}: {text}")
 
 
-def published_report(found: Sequence[Experiment], path: str | Path) -> None:
+def published_report(data: Mapping[str, Any], path: str | Path) -> None:
     """Write the page of experiments.
 
     Parameters
     ----------
-    found : sequence of Experiment
+    data : mapping
+        With the keys of the JSON schema `schuler.published/1`.
     path : str or Path
         The HTML file.
 
@@ -83,17 +82,18 @@ def published_report(found: Sequence[Experiment], path: str | Path) -> None:
         If the file cannot be written.
     """
     sections = []
-    for each in found:
-        drawing = _drawing(each)
-        errata = "".join(f"<li>{escape(text)}</li>" for text in each.errata)
+    found = data["experiments"]
+    for name, each in found.items():
+        drawing = _drawing(name, each)
+        errata = "".join(f"<li>{escape(text)}</li>" for text in each["errata"])
         sections.append(
             Section(
-                f"{each.name} · {each.title}",
+                f"{name} · {each['title']}",
                 f"{_table(each)}<h3>Assumed, and contradictory</h3><ul>{errata}</ul>",
                 [] if drawing is None else [drawing],
             )
         )
-    count = sum(len(each.rows) for each in found)
+    count = sum(len(each["rows"]) for each in found.values())
     head = (
         "<h1>Published experiments, redone</h1>"
         f'<p class="value">{len(found)} <span class="pm">'

@@ -1,0 +1,103 @@
+"""Four gyros and rotation about one axis (Du, Mou and Cheng, 2016): life, accuracy, eight hours."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.motion import Limits, Scheme, named_scheme
+from schuler.navigate import RotationCase, end_errors, turned
+from schuler.published.result import Experiment, Options, Row, conditions, experiment
+from schuler.sensors import Lifetime, Reliability, named_array
+
+__all__ = ["end_distance", "run"]
+
+Array = NDArray[np.float64]
+
+
+def end_distance(case: RotationCase, scheme: Scheme, lat: float, psi: ArrayLike) -> Array:
+    """Return the position error at the end, m, for each psi (counter-clockwise, deg)."""
+    heading = -np.atleast_1d(np.asarray(psi, np.float64))
+    found = end_errors(turned(scheme, case.duration), case.errors, [lat], heading, case.site.height)
+    return np.asarray(np.hypot(found[0, :, 0], found[0, :, 1]))
+
+
+def _reliability_rows(case: dict[str, Any]) -> list[Row]:
+    printed, life = case["printed"], Lifetime(case["array"]["life_h"])
+    mtbf = {
+        name: Reliability(named_array(name), life).mtbf
+        for name in (*case["array"]["names"], "triad", "triad-plus-one", "dodecahedron")
+    }
+    four, more = mtbf["symmetric4"], mtbf["dodecahedron"]
+    text = "best: six gyros through the faces of a dodecahedron"
+    rows = [
+        Row("mean life over three gyros", "1", printed["over_triad"], four / mtbf["triad"],
+            more / mtbf["triad"], note=text),
+        Row("mean life over three and a duplicate", "1", printed["over_duplicate"],
+            four / mtbf["triad-plus-one"], more / mtbf["triad-plus-one"], note=text),
+        Row("mean life", "h", printed["mtbf_h"], four, more, note=text),
+    ]  # fmt: skip
+    for name in case["array"]["names"]:
+        array = named_array(name)
+        # No weights of the four or three gyros do better than least squares: it is the limit too.
+        whole = array.variance().max()
+        rows.append(
+            Row(f"largest variance of an axis, {name}", "of one gyro", None, whole, whole, whole)
+        )
+        worst = [max(each["variance"]) for each in array.figures()["after_one_failure"]]
+        rows.append(
+            Row(f"largest variance of an axis after one failure, {name}", "of one gyro", None,
+                max(worst), max(worst), max(worst))
+        )  # fmt: skip
+    return rows
+
+
+def run(options: Options) -> Experiment:
+    """Redo the figures of reliability, accuracy and eight hours of navigation.
+
+    Parameters
+    ----------
+    options : Options
+        Nothing is random here.
+    """
+    data = conditions("du2016")
+    case = RotationCase.from_dict(data["case"], "du2016")
+    fixed = named_scheme("fixed")
+    from_end = named_scheme("reciprocating-from-end", limits=case.single.limits)
+    schemes = {"fixed": fixed, "single": case.single, "end": from_end, "double": case.double}
+    printed = data["printed"]["reduction_percent"]
+    rows = _reliability_rows(data)
+
+    def reductions(lat: float, psi: ArrayLike) -> dict[str, Array]:
+        way = {name: end_distance(case, scheme, lat, psi) for name, scheme in schemes.items()}
+        return {name: 100.0 * (1.0 - way[name] / way["fixed"]) for name in ("single", "end",
+                                                                            "double")}  # fmt: skip
+
+    for k, (lat, psi) in enumerate(data["headings"]["places"]):
+        cut = reductions(lat, psi)
+        rows.append(
+            Row(f"error of 8 h less by, latitude {lat:g}, psi {psi:g}", "%",
+                printed if k == 0 else None, cut["single"][0], cut["double"][0],
+                note=f"best: two axes; from the end of its travel {cut['end'][0]:.1f}")
+        )  # fmt: skip
+    lat = case.site.lat
+    psi = np.arange(0.0, 360.0, data["headings"]["all_psi_step"])
+    cut = reductions(lat, psi)
+    for name, pick in (("least", np.argmin), ("largest", np.argmax)):
+        one, two = int(pick(cut["single"])), int(pick(cut["double"]))
+        rows.append(
+            Row(f"error of 8 h less by, {name} of all headings, latitude {lat:g}", "%", None,
+                cut["single"][one], cut["double"][two], note=f"at psi = {psi[one]:g} deg")
+        )  # fmt: skip
+    one_way = named_scheme("continuous", limits=Limits(case.single.limits.rate))
+    for lat in data["one_way"]["latitudes"]:
+        way, back = (end_distance(case, s, lat, 0.0)[0] for s in (one_way, case.single))
+        rows.append(
+            Row(f"error of 8 h turned one way, latitude {lat:g}, psi 0", "km", None, 1e-3 * way,
+                1e-3 * back, note="best: to and fro")
+        )  # fmt: skip
+    if options.progress is not None:
+        options.progress(1, 1)
+    return experiment(data, "du2016", 1, rows)
