@@ -30,6 +30,11 @@ Array = NDArray[np.float64]
 _BLOCK = 15
 
 
+def _position(angles: list[float], dwell: float, turn: float = 0.0) -> Position:
+    psi, pitch, roll = angles
+    return Position(psi, pitch, roll, dwell, turn)
+
+
 def table_of(angles: list[list[float]], dwell: float) -> tuple[Turntable, float, list[Position]]:
     """Return a table that dwells at each attitude, how long it takes, and its positions.
 
@@ -41,14 +46,14 @@ def table_of(angles: list[list[float]], dwell: float) -> tuple[Turntable, float,
         s at each.
     """
     steps: list[Dwell | Turn] = [Dwell(dwell)]
-    positions = [Position(*angles[0], dwell=dwell)]
+    positions = [_position(angles[0], dwell)]
     for before, after in itertools.pairwise(angles):
         turns = [
             Turn(axis, b - a) for axis, a, b in zip(AXES, before, after, strict=True) if b != a
         ]
         steps += [*turns, Dwell(dwell)]
         took = float(sum(turn.time for turn in turns))
-        positions.append(Position(*after, dwell=dwell, turn=took))
+        positions.append(_position(after, dwell, took))
     table = Turntable(tuple(steps), (angles[0][0], angles[0][1], angles[0][2]))
     return table, table.period, positions
 

@@ -107,7 +107,7 @@ def two_instants(
 
     printed = np.linalg.solve(columns(g1, g2).swapaxes(-1, -2), columns(f1, f2).swapaxes(-1, -2))
     return {
-        "eq. 6 and 9": printed,
+        "eq. 6 and 9": np.asarray(printed, np.float64),
         "TRIAD": triad(g1, g2) @ triad(f1, f2).swapaxes(-1, -2),
     }
 

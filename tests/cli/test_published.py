@@ -1,0 +1,54 @@
+"""``schuler published`` from the command line: list, run, JSON, page, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from schuler.published import EXPERIMENTS
+from tests.test_docs import schema
+
+
+def test_list(run):
+    done = run("published", "list")
+    assert done.code == 0
+    for name in EXPERIMENTS:
+        assert any(line.startswith(name) for line in done.out.splitlines())
+
+
+def test_run_writes_table_json_and_page(run, tmp_path):
+    page, data = tmp_path / "p.html", tmp_path / "p.json"
+    done = run("published", "run", "du2016", "--report", page, "--json", data)
+    assert (done.code, done.err) == (0, "")
+    assert "printed   document       best      limit" in done.out
+    found = json.loads(data.read_text(encoding="utf-8"))
+    schema("published").validate(found)
+    text = page.read_text(encoding="utf-8")
+    assert "du2016" in text
+    assert text.count("<figure>") == 1
+
+
+def test_json_alone_on_standard_output(run):
+    done = run("published", "run", "du2016", "--json", "-")
+    found = json.loads(done.out)
+    schema("published").validate(found)
+    assert list(found["experiments"]) == ["du2016"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("gou2015",), "'gou2015' is no published experiment; there are guo2015"),
+        (("du2016", "--runs", "1"), "two runs"),
+        (("du2016", "--workers", "0"), "one worker"),
+        (("du2016", "--json", "nowhere/a.json"), "nowhere"),
+    ],
+)
+def test_refused(run, arguments, says, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = run("published", "run", *arguments)
+    assert done.code == 2
+    assert says in done.err
+    assert done.out == ""
+    assert done.err.count("\n") == 1
