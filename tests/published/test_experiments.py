@@ -56,8 +56,10 @@ def test_two_instants_are_the_estimator_of_the_aligner():
     found = guo2015.two_instants(made.record, SITE, pair)
     fix = align(made.record, SITE, Inertial("instants-triad"), at="start")
     own = guo2015._phi(start.T @ quat_to_matrix(fix.quaternion), true)
+    # The aligner fits the second vector exactly where TRIAD here fits the first: what the drift
+    # gathers between them, 0.02 deg/h in 150 s, is 0.05 arcmin.
     for form in guo2015.FORMS:
-        np.testing.assert_allclose(guo2015._phi(found[form], true)[0], own, atol=0.03)
+        np.testing.assert_allclose(guo2015._phi(found[form], true)[0], own, atol=0.05)
 
 
 def test_sway_drops_out():

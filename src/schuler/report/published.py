@@ -20,10 +20,14 @@ def _values(row: Mapping[str, Any]) -> tuple[float | None, ...]:
     return tuple(row[key] for key in _KEYS)
 
 
+def _cell(value: float | None) -> str:
+    return "–" if value is None else f"{value:.4g}"
+
+
 def _table(found: Mapping[str, Any]) -> str:
     body = "".join(
         f"<tr><th scope='row'>{escape(row['quantity'])}</th><td>{escape(row['unit'])}</td>"
-        + "".join(f"<td>{'–' if v is None else f'{v:.4g}'}</td>" for v in _values(row))
+        + "".join(f"<td style='white-space:nowrap'>{_cell(v)}</td>" for v in _values(row))
         + f"<td>{escape(row['note'])}</td></tr>"
         for row in found["rows"]
     )
