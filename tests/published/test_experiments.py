@@ -93,17 +93,20 @@ def test_pairs_of_instants_cover_their_spans():
 
 @pytest.mark.slow
 def test_table_1_with_few_runs():
-    """The tenth of the document's runs: means are theory's, 36 of them to 4 standard errors."""
-    found = run("guo2015", runs=40, workers=1)
+    """Six of the document's runs, seeded: means are theory's to 5 standard errors.
+
+    Of 12 means of six runs one is further off (Student) in twenty such tests.
+    """
+    found = run("guo2015", runs=6, workers=1)
     for k in range(1, 5):
         for axis in "xyz":
             mean = found.row(f"case {k}, mean phi_{axis}")
             spread = found.row(f"case {k}, std phi_{axis}")
             theory = float(mean.note.removeprefix("theory ").split(":")[0])
-            assert abs(mean.document_method - theory) < 4.0 * spread.document_method / math.sqrt(40)
-            # The default method on the same data beats two instants by far. A spread of 40 runs is
-            # right to 11 %: four of that, once in 1300 such tests.
-            assert spread.best < 1.15 * 1.45 * spread.limit
+            assert abs(mean.document_method - theory) < 5.0 * spread.document_method / math.sqrt(6)
+            # The default method on the same data beats two instants by far. A spread of six runs
+            # is within twice the true one but once in a thousand.
+            assert spread.best < 1.15 * 2.0 * spread.limit
             assert spread.best < 0.1 * spread.document_method
     # A micro-g a sample cannot give the printed tilt; a micro-g per root hertz does.
     rows = {r.quantity: r for r in found.rows}
@@ -111,8 +114,9 @@ def test_table_1_with_few_runs():
         noise: rows[f"case 1, std phi_y: {noise}, {list(guo2015.SPANS)[2]}, TRIAD"]
         for noise in guo2015.NOISES
     }
-    assert tilt["per root hertz"].document_method == pytest.approx(1.10, rel=0.45)
-    assert tilt["per sample"].document_method < 0.6
+    # The same draws, so the same pattern: sqrt(10) apart, and no more than the biases' share.
+    ratio = tilt["per root hertz"].document_method / tilt["per sample"].document_method
+    assert ratio == pytest.approx(math.sqrt(10.0), rel=0.02)
 
 
 def test_the_table_of_two_positions_goes_where_it_says():
@@ -127,29 +131,34 @@ def test_the_table_of_two_positions_goes_where_it_says():
 
 @pytest.mark.slow
 def test_two_positions_with_few_runs():
-    """Half a turn shows the biases: the default method is at the limit, to 4 deviations of 15."""
-    found = run("fang2006", runs=15, workers=1)
+    """Half a turn shows the biases: the default method is at the limit, to 4 deviations of 4."""
+    found = run("fang2006", runs=4, workers=1)
     up = found.row("half a turn, rms phi up")
     alone = found.row("one position, rms phi up")
-    assert up.best < up.limit * (1 + 4 / math.sqrt(2 * 15))
+    assert up.best < up.limit * (1 + 4 / math.sqrt(2 * 4))
     assert up.limit < 0.3 * alone.limit
-    assert up.document_method < alone.document_method
+    assert up.best < alone.limit
     assert all(row.printed is None for row in found.rows)
 
 
 @pytest.mark.slow
 def test_decomposition_with_few_runs():
-    found = run("yu_emd", runs=4, workers=1)
+    found = run("yu_emd", runs=2, workers=1)
     plain = found.row("azimuth rms, Kalman, no prefilter")
     assert plain.printed == 6.52
-    assert plain.best < 3.0 * plain.limit
+    assert plain.best < 4.0 * plain.limit
     # Filtering the gyros in the body's axes takes the vehicle's own rate away.
     assert found.row("azimuth rms, Kalman, EMD as printed").document_method > 10 * plain.best
     assert 0.0 < found.row("settled, no prefilter").best <= 300.0
 
 
-def test_four_gyros():
-    found = run("du2016", workers=1)
+@pytest.fixture(scope="module")
+def gyros():
+    return run("du2016", workers=1)
+
+
+def test_four_gyros(gyros):
+    found = gyros
     for quantity in ("mean life over three gyros", "mean life over three and a duplicate"):
         row = found.row(quantity)
         assert row.document_method == pytest.approx(row.printed)
@@ -211,19 +220,19 @@ def test_bad_options(options, says):
         run("du2016", **options)
 
 
-def test_an_unknown_experiment():
+def test_an_unknown_experiment(gyros):
     with pytest.raises(InputError, match="there are guo2015"):
         run("gou2015")
     with pytest.raises(InputError, match="no quantity 'luck'"):
-        run("du2016").row("luck")
+        gyros.row("luck")
 
 
-def test_rows_are_plain_values():
+def test_rows_are_plain_values(gyros):
     row = Row("a", "m", np.float64(1.0), None, np.float32(2.0))
     assert type(row.printed) is float
     assert type(row.best) is float
     assert row.limit is None
-    data = to_dict([run("du2016")])
+    data = to_dict([gyros])
     assert list(data) == ["schema", "experiments"]
     assert set(data["experiments"]["du2016"]["rows"][0]) == {
         f.name for f in dataclasses.fields(Row)

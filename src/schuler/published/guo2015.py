@@ -51,7 +51,7 @@ SPANS = {
 FORMS = ("eq. 6 and 9", "TRIAD")
 READINGS = tuple((noise, span, form) for noise in NOISES for span in SPANS for form in FORMS)
 _BLOCK = 25
-_SHARE = 0.1
+_SHARE = 0.5
 """Part of the biases that the default method is told of (see the errata)."""
 
 
