@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from schuler.align.history import History
-from schuler.align.joint import joint
+from schuler.align.joint import Joint
 from schuler.align.methods import Inertial
-from schuler.earth import Site
 from schuler.sensors import ImuSpec
 
 __all__ = ["choose"]
 
 
-def choose(
-    h: History, site: Site, spec: ImuSpec | None, subsamples: int | None
-) -> tuple[Inertial, str]:
+def choose(best: Joint, spec: ImuSpec | None, subsamples: int | None) -> tuple[Inertial, str]:
     """Return the method for a history and the reason in a sentence.
 
     With a specification the optimal estimate is the choice on any base: it weighs the attitude of
@@ -22,18 +18,12 @@ def choose(
 
     Parameters
     ----------
-    h : History
-    site : Site
+    best : Joint
+        The optimal estimate, which says what the record shows.
     spec : ImuSpec or None
     subsamples : int or None
         For the method.
-
-    Raises
-    ------
-    InputError
-        If the record is too short to align.
     """
-    best = joint(h, site, spec)
     dwells = len(best.dwells)
     if spec is not None:
         if dwells > 1:

@@ -102,17 +102,20 @@ def estimate(
     why = ""
     biases = bias_covariance = None
     positions: tuple[Position, ...] = ()
-    if isinstance(method, Auto):
-        method, why = choose(h, site, spec, method.subsamples)
-    if isinstance(method, Inertial):
+    best = None
+    if not isinstance(method, Analytic):
         left = residual(h, site)
         if spec:
             ratio = noise_ratio(left, site.gravity, spec)
             if ratio is not None and ratio < _QUIET:
                 spec = spec.with_white_noise(np.sqrt(ratio))
+    if isinstance(method, Auto):
+        best = joint(h, site, spec)
+        method, why = choose(best, spec, method.subsamples)
+    if isinstance(method, Inertial):
         sway = np.zeros((3, 3))
         if method.estimator == "optimal":
-            best = joint(h, site, spec)
+            best = best or joint(h, site, spec)
             r, sway, levels = best.rotation, best.sway, best.levels
             if spec is not None and len(best.dwells) != 1:
                 # One dwell shows no bias apart from the attitude.

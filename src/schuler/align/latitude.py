@@ -31,6 +31,9 @@ Array = NDArray[np.float64]
 
 _ROUNDS = 12
 _CLOSE = 1e-9
+_SETTLED = 0.01
+"""Step, in sigmas, below which a further round is worth nothing."""
+
 _STEEPEST = 85.0 * DEG
 
 
@@ -97,7 +100,7 @@ def align_without_latitude(
         step = float(np.clip(found.latitude[0], -0.35, 0.35))
         sigma = float(found.latitude[1])
         lat = float(np.clip(lat + step, -_STEEPEST, _STEEPEST))
-        if abs(step) < max(_CLOSE, 1e-4 * sigma):
+        if abs(step) < max(_CLOSE, _SETTLED * sigma):
             break
     else:
         raise InputError(
