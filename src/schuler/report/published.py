@@ -26,9 +26,10 @@ def _cell(value: float | None) -> str:
 
 def _table(found: Mapping[str, Any]) -> str:
     body = "".join(
-        f"<tr><th scope='row'>{escape(row['quantity'])}</th><td>{escape(row['unit'])}</td>"
+        f"<tr><th scope='row' style='white-space:normal'>{escape(row['quantity'])}</th>"
+        f"<td style='white-space:nowrap'>{escape(row['unit'])}</td>"
         + "".join(f"<td style='white-space:nowrap'>{_cell(v)}</td>" for v in _values(row))
-        + f"<td>{escape(row['note'])}</td></tr>"
+        + f"<td style='min-width:15em'>{escape(row['note'])}</td></tr>"
         for row in found["rows"]
     )
     heads = ("quantity", "unit", *_HEADS, "note")
