@@ -28,7 +28,7 @@ __all__ = ["compass_alignment"]
 
 Array = NDArray[np.float64]
 
-SHORTEST = 60.0
+SHORTEST = 40.0
 """A record (s) without which the loops cannot settle."""
 
 _POLES = 9.0
@@ -73,7 +73,7 @@ def compass_alignment(
     Raises
     ------
     InputError
-        For a record under a minute.
+        For a record too short to settle.
     """
     from scipy.linalg import expm
 
