@@ -40,6 +40,9 @@ Array = NDArray[np.float64]
 _QUIET = 0.4
 """Noise power, relative to the specification, that chance makes less than once in a thousand."""
 
+_QUIETEST = 0.01
+"""Least part of the specified noise power that is believed: a record without noise is no record."""
+
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
@@ -108,7 +111,7 @@ def estimate(
         if spec:
             ratio = noise_ratio(left, site.gravity, spec)
             if ratio is not None and ratio < _QUIET:
-                spec = spec.with_white_noise(np.sqrt(ratio))
+                spec = spec.with_white_noise(np.sqrt(max(ratio, _QUIETEST)))
     if isinstance(method, Auto):
         best = joint(h, site, spec)
         method, why = choose(best, spec, method.subsamples)
