@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from schuler.align import Fine, align
+from schuler.align import Fine, Gyrocompass, align
 from schuler.attitude import euler_to_quat, multiply, quat_to_rotvec
 from schuler.constants import ARCMIN
 from schuler.earth import Site
 from schuler.errors import InputError
-from schuler.motion import DisturbedVehicle, Static
+from schuler.motion import DisturbedVehicle, Lines, Static, Sway
 from schuler.sensors import GRADES
 from schuler.simulate import simulate
 
@@ -144,11 +144,11 @@ def test_feeding_the_kernel_in_pieces_gives_the_same_bits():
     ends = []
     for cuts in ([0, 1000], [0, 3, 333, 334, 999, 1000]):
         n = 15
-        state, cfg = np.zeros(STATE_SIZE), np.zeros(24)
+        state, cfg = np.zeros(STATE_SIZE), np.zeros(25)
         state[1:5] = state[32:36] = euler_to_quat(np.radians([-10.0, 0.0, 0.0]))
         cfg[:3] = SITE.earth_rate
         cfg[3:17] = (SITE.gravity, 50, 1e-6, 1e-4, 0, 0, 1e-6, 1e-8, 1e-8, 1e-4, 0, 0, 1.0, 0)
-        cfg[18:20], cfg[21], cfg[23] = (1.5, 4.0), 1.0, 1.0
+        cfg[18:20], cfg[21], cfg[23:] = (1.5, 4.0), 1.0, 1.0
         p, x, parts = np.diag(np.full(n, 1e-6)), np.zeros(n), np.zeros((6, n, n))
         layout = np.array([n, 12, -1, -1, -1, 3, 3], np.int64)
         for a, b in pairwise(cuts):
@@ -158,3 +158,51 @@ def test_feeding_the_kernel_in_pieces_gives_the_same_bits():
         ends.append((state.copy(), p.copy()))
     np.testing.assert_array_equal(ends[0][0], ends[1][0])
     np.testing.assert_array_equal(ends[0][1], ends[1][1])
+
+
+def corrected(record, coning, sculling):
+    """Return the record as an instrument gives it that corrects its increments itself."""
+    a, f = record.dtheta, record.dvel
+    before_a, before_f = (np.vstack([np.zeros((1, 3)), x[:-1]]) for x in (a, f))
+    turn, push = a, f
+    if coning:
+        turn = a + np.cross(before_a, a) / 12.0
+    if sculling:
+        angle = np.linalg.norm(a, axis=1, keepdims=True)
+        x = np.cross(a, f)
+        push = (
+            f + (1.0 - np.cos(angle)) / angle**2 * x
+            + (angle - np.sin(angle)) / angle**3 * np.cross(a, x)
+            + (np.cross(before_a, f) + np.cross(before_f, a)) / 12.0
+        )  # fmt: skip
+    return replace(
+        record, dtheta=turn, dvel=push, coning_corrected=coning, sculling_corrected=sculling
+    )
+
+
+@pytest.mark.parametrize("method", [Fine(), Fine(passes=3), Gyrocompass()], ids=str)
+def test_increments_that_the_instrument_corrected_are_not_corrected_again(method):
+    rng = np.random.default_rng(8)
+    lines = [
+        Lines(channel, np.array([1.1]), np.array([amplitude]), np.array([phase]))
+        for channel, amplitude, phase in (
+            ("roll", 4.0, 0.0),
+            ("pitch", 3.0, 1.5),
+            ("up", 0.1, 0.5),
+        )
+    ]
+    sway = Sway(30.0, lines=lines, lever=(0.5, 0.8, 1.0))
+    record = simulate(sway, SITE, 200.0, 20.0, None, rng).record
+    wanted = align(record, SITE, method, FOG)
+    for coning, sculling in ((True, True), (True, False), (False, True)):
+        done = corrected(record, coning, sculling)
+        found = align(done, SITE, method, FOG)
+        assert phi_between(found, wanted) < 0.05 * ARCMIN, (coning, sculling)
+        # Were the flags not heard, it would show.
+        deaf = replace(done, coning_corrected=False, sculling_corrected=False)
+        assert phi_between(align(deaf, SITE, method, FOG), wanted) > 0.5 * ARCMIN
+
+
+def phi_between(one, other):
+    back = other.quaternion * [1.0, -1.0, -1.0, -1.0]
+    return float(np.linalg.norm(quat_to_rotvec(multiply(one.quaternion, back))))

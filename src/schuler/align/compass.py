@@ -88,9 +88,10 @@ def compass_alignment(
     g, lat, rate = site.gravity, site.latitude, site.earth_rate
     row = int(np.searchsorted(h.t, max(0.15 * h.duration, 20.0)))
     r = solve(h.until(row), g, lat, "centred")
-    state, cfg = np.zeros(STATE_SIZE), np.zeros(24)
+    state, cfg = np.zeros(STATE_SIZE), np.zeros(25)
     state[1:5] = matrix_to_quat(inertial_to_local(0.0, lat) @ r)
-    cfg[:3], cfg[3], cfg[23] = rate, g, not record.coning_corrected
+    cfg[:3], cfg[3] = rate, g
+    cfg[23:] = not record.coning_corrected, not record.sculling_corrected
     first = method.level_share * record.duration
     pole = method.pole or _POLES / (record.duration - first)
     gains = np.stack([_gains(8.0 / first, g, rate[1], False), _gains(pole, g, rate[1], True)])

@@ -154,7 +154,7 @@ class _Setting:
     method: Fine
     spec: ImuSpec | None
     every: int
-    corrected: bool
+    to_correct: tuple[bool, bool]
 
     def open(self, q: Array, biases: Array, *, backward: bool = False, feedback: bool) -> _Filter:
         """Return a filter at its start."""
@@ -182,7 +182,7 @@ class _Setting:
         sway = self.known.sway_levels.max(axis=0)
         velocity, displacement, turn = self.motion
         step = method.step
-        cfg = np.zeros(24)
+        cfg = np.zeros(25)
         cfg[:3] = site.earth_rate * (-1.0 if backward else 1.0)
         if wander:
             cfg[:2] = 0.0
@@ -206,7 +206,7 @@ class _Setting:
         cfg[20] = 0.02 if method.adaptive else 0.0
         cfg[21] = feedback
         cfg[22] = wander
-        cfg[23] = not self.corrected
+        cfg[23:] = self.to_correct
 
         free = (1e-6 * DEG_PER_HOUR, 1e-3 * MICRO_G)
         bias = free if spec is None else (
@@ -246,11 +246,16 @@ def _reversed(record: ImuRecord) -> ImuRecord:
     """Return the record run backwards: turns change their sign, forces do not."""
     from dataclasses import replace
 
+    dvel = record.dvel
+    if record.sculling_corrected:
+        # Resolved where the interval began; backwards that is where it ends.
+        back = rotvec_to_quat(-record.dtheta)
+        dvel = np.einsum("iab,ib->ia", quat_to_matrix(back), dvel)
     time = record.start + record.end - (record.time - record.dt)[::-1]
     return replace(
         record, time=np.ascontiguousarray(time), dt=np.ascontiguousarray(record.dt[::-1]),
         dtheta=np.ascontiguousarray(-record.dtheta[::-1]),
-        dvel=np.ascontiguousarray(record.dvel[::-1]),
+        dvel=np.ascontiguousarray(dvel[::-1]),
     )  # fmt: skip
 
 
@@ -312,7 +317,7 @@ def fine_alignment(
     r = solve(h, site.gravity, site.latitude, "centred")
     setting = _Setting(
         joint(h, site, spec), vehicle_motion(h, r, site, method.step), site, method, spec, every,
-        record.coning_corrected,
+        (not record.coning_corrected, not record.sculling_corrected),
     )  # fmt: skip
     wander = method.azimuth == "large"
     q = _levelled(record) if wander else matrix_to_quat(inertial_to_local(0.0, site.latitude) @ r)

@@ -160,8 +160,8 @@ def _pass(
     state[:4] = q0
     path = np.empty((len(record), 7))
     navigate_on_the_spot(
-        state, float(not record.coning_corrected), site.earth_rate, site.gravity,
-        record.dt, record.dtheta, record.dvel, path,
+        state, float(not record.coning_corrected), float(not record.sculling_corrected),
+        site.earth_rate, site.gravity, record.dt, record.dtheta, record.dvel, path,
     )  # fmt: skip
     c = quat_to_matrix(path[:, :4])
     w, f = record.dtheta, record.dvel

@@ -21,7 +21,7 @@ def gyrocompass(state, cfg, gains, change, time, dt, dtheta, dvel, out):
     Parameters
     ----------
     state : (STATE_SIZE,) float64
-    cfg : (24,) float64
+    cfg : (25,) float64
         As in `schuler.kernels.fine.fine`.
     gains : (2, 5) float64
         Of each stage: velocity and tilt north, azimuth, velocity and tilt east.

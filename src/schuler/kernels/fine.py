@@ -125,10 +125,12 @@ def carry(s, cfg, t, a, f):
     if cfg[22] != 0.0:
         # In the wandering form the estimated horizontal Earth rate stands where biases do.
         earth = (earth[0] + s[48], earth[1] + s[49], earth[2] + s[50])
-    c1, c2 = rotation_averages(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
-    x1 = cross(a, f)
-    u = axpy(c1, x1, axpy(c2, cross(a, x1), f))
-    u = axpy(coning, add(cross(before_a, f), cross(before_f, a)), u)
+    u = f
+    if cfg[24] != 0.0:
+        c1, c2 = rotation_averages(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+        x1 = cross(a, f)
+        u = axpy(c1, x1, axpy(c2, cross(a, x1), f))
+        u = axpy(1.0 / 12.0, add(cross(before_a, f), cross(before_f, a)), u)
     q = (s[1], s[2], s[3], s[4])
     frame = scale(t, earth)
     dv = qrotate(q, u)
@@ -213,13 +215,13 @@ def fine(state, x, p, parts, cfg, layout, room, time, dt, dtheta, dvel, out, kee
     parts : (s, n, n) float64
         Covariance by source: gyro bias, accelerometer bias, gyro noise, accelerometer noise,
         disturbance, start. s is 6, or 0 where they are not wanted.
-    cfg : (24,) float64
+    cfg : (25,) float64
         0-2 Earth rate (in the wandering form its vertical part alone), 3 gravity, 4 samples to a
         step, 5 gyro white noise, 6 accelerometer white noise, 7 gyro drift, 8 accelerometer drift,
         9 variance of a velocity, 10 of a displacement, 11 of a base turn, 12 of a force, 13
         displacement walk, 14 base walk, 15 tau and 16 sigma of the vehicle's motion, 17 robust
         rule, 18-19 its bounds, 20 memory of the adaptive noise (0: fixed), 21 feedback, 22
-        wandering, 23 coning and sculling to be corrected.
+        wandering, 23 coning and 24 sculling to be corrected.
     layout : (7,) int64
         States n; where p, d, base and lever begin (-1: absent); axes that are measured (2: level,
         3: all); kinds that are measured, as bits (velocity 1, displacement 2, base 4, force 8).

@@ -52,15 +52,16 @@ def turned_directions(starts, stops, time, rate, bias, matrix, before, out):
 
 
 @kernel
-def navigate_on_the_spot(state, coning, earth, gravity, dt, dtheta, dvel, out):
+def navigate_on_the_spot(state, coning, sculling, earth, gravity, dt, dtheta, dvel, out):
     """Carry attitude and velocity on at a place that is known and does not move.
 
     Parameters
     ----------
     state : (13,) float64
         q_b^n, velocity (east, north, up), last dtheta and dvel; left ready for more.
-    coning : float
-        1 to correct increments for coning and sculling by the sample before (Savage, 1998), else 0.
+    coning, sculling : float
+        1 to correct increments by the sample before (Savage, 1998), 0 where the instrument has
+        done it.
     earth, gravity : (3,) float64, float
         rad/s and m/s^2.
     dt, dtheta, dvel : (n,), (n, 3), (n, 3) float64
@@ -81,9 +82,10 @@ def navigate_on_the_spot(state, coning, earth, gravity, dt, dtheta, dvel, out):
         turned = t
         if coning != 0.0:
             turned = axpy(1.0 / 12.0, cross(a, t), t)
+        if sculling != 0.0:
             push = add(push, scale(1.0 / 12.0, add(cross(a, u), cross(b, t))))
-        push = axpy(0.5, cross(t, u), push)
-        push = axpy(1.0 / 6.0, cross(t, cross(t, u)), push)
+            push = axpy(0.5, cross(t, u), push)
+            push = axpy(1.0 / 6.0, cross(t, cross(t, u)), push)
         frame = scale(-h, w)
         middle = qmul(qmul(qexp(scale(0.5, frame)), q), qexp(scale(0.5, turned)))
         force = qrotate(qmul(qexp(scale(0.5, frame)), q), push)
