@@ -10,7 +10,7 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from schuler.align import align
+from schuler.align import METHODS, align
 from schuler.align.scatter import FALSE_ALARM
 from schuler.campaign import Campaign, run_campaign
 from schuler.campaign.chunk import run_chunk
@@ -59,7 +59,7 @@ def test_a_row_is_what_simulation_and_alignment_give(whole, scene):
     assert row["phi_up"] == pytest.approx(off, rel=1e-2)
     assert row["sigma_up"] == np.sqrt(fix.covariance[2, 2])
     assert row["limit_up"] == np.sqrt(fix.bound[2, 2])
-    shares = sum(row[f"variance_{k}"] for k in ("gyro", "accelerometer", "disturbance"))
+    shares = sum(row[f"variance_{k}"] for k in ("gyro", "accelerometer", "disturbance", "other"))
     assert shares == pytest.approx(fix.covariance[2, 2], rel=1e-12)
     assert table.column("nees").null_count == 0
 
@@ -233,3 +233,12 @@ def test_errors_of_a_base_at_rest_scatter_as_sigma_says(scene, tmp_path):
     # Five sigma of chance: rms of 120 is known to 1/sqrt(240).
     assert s.rms / s.predicted == pytest.approx(1.0, abs=5 / np.sqrt(240))
     assert s.ratio > 1.0 - 5 / np.sqrt(240)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_can_be_tried_in_a_campaign(scene, tmp_path, method):
+    longer = load_scenario(scene.folder / "scene.toml", {"duration": "60 s"})
+    done = run_campaign(Campaign(longer, 1, methods=(method,)), tmp_path, workers=0)
+    (row,) = done.table.to_pylist()
+    shares = sum(value for key, value in row.items() if key.startswith("variance_"))
+    assert shares == pytest.approx(row["sigma_up"] ** 2, rel=1e-6)

@@ -23,7 +23,7 @@ NUMBERS = (
     *(f"sigma_{axis}" for axis in AXES),
     *(f"limit_{axis}" for axis in AXES),
     "heading_error", "nees",
-    "variance_gyro", "variance_accelerometer", "variance_disturbance",
+    "variance_gyro", "variance_accelerometer", "variance_disturbance", "variance_other",
 )  # fmt: skip
 
 
@@ -122,9 +122,10 @@ def _row(fix: Alignment, made: Simulation) -> dict[str, Any]:
     off = fix.heading_deg * DEG - float(psi_to_heading(euler[0]))
     sigma = np.sqrt(np.diag(fix.covariance))
     limit = np.full(3, np.nan) if fix.bound is None else np.sqrt(np.diag(fix.bound))
-    shares = dict.fromkeys(("gyro", "accelerometer", "disturbance"), 0.0)
+    shares = dict.fromkeys(("gyro", "accelerometer", "disturbance", "other"), 0.0)
     for name, covariance in fix.budget.items():
-        shares[name.partition("_")[0]] += float(covariance[2, 2])
+        kind = name.partition("_")[0]
+        shares[kind if kind in shares else "other"] += float(covariance[2, 2])
     values = [
         *phi, *sigma, *limit,
         (off + np.pi) % (2.0 * np.pi) - np.pi,
