@@ -17,6 +17,7 @@ from schuler.estimate.vectors import (
     davenport,
     triad,
     triad_covariance,
+    triad_jacobian,
     wahba_covariance,
     wahba_svd,
 )
@@ -245,3 +246,23 @@ def test_degenerate_sums_are_errors():
 def test_pairs_must_pair(shapes):
     with pytest.raises(InputError, match="expected two arrays of shape"):
         VectorSums.empty().add(np.ones(shapes[0]), np.ones(shapes[1]))
+
+
+def test_triad_s_answer_to_errors_is_its_derivative(rng):
+    for _ in range(20):
+        r1, r2 = rng.standard_normal((2, 3)) * np.array([[3.0], [0.2]])
+        wanted = np.empty((2, 3, 3))
+        step = 1e-5
+        for vector in range(2):
+            for axis in range(3):
+                tilt = []
+                for sign in (1.0, -1.0):
+                    v = np.array([r1, r2])
+                    v[vector, axis] += sign * step
+                    m = triad(r1, r2, *v)
+                    # R_est = I - [phi x] about the truth.
+                    tilt.append(0.5 * np.array([m[1, 2] - m[2, 1], m[2, 0] - m[0, 2],
+                                                m[0, 1] - m[1, 0]]))  # fmt: skip
+                wanted[vector, :, axis] = (tilt[0] - tilt[1]) / (2.0 * step)
+        # Central differences of a smooth function: the square of step over the shorter vector.
+        np.testing.assert_allclose(triad_jacobian(r1, r2), wanted, rtol=1e-4, atol=1e-4)

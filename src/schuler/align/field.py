@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from schuler.align.history import History, gravity_direction, inertial_to_local
 from schuler.attitude import quat_to_matrix, rotvec_to_quat, skew
-from schuler.estimate.vectors import triad, wahba_svd
+from schuler.estimate.vectors import triad, triad_jacobian, wahba_svd
 
 __all__ = ["FIELD", "field_gain", "field_solve"]
 
@@ -111,18 +111,5 @@ def field_gain(h: History, gravity: float, lat: float, estimator: str) -> Array:
         return np.asarray(-_growth_gain(h, local, theory) @ local)
     c = _functionals(dt, estimator)
     r1, r2 = c @ theory
-
-    def tilt(d1: Array, d2: Array) -> Array:
-        r = triad(r2, r1, r2 + d2, r1 + d1)
-        # R_est = I - [phi x] about the truth.
-        return -0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
-
-    step = 1e-6 * float(min(np.linalg.norm(r1), np.linalg.norm(r2)))
-    jacobian = np.empty((2, 3, 3))
-    zero = np.zeros(3)
-    for axis in range(3):
-        d = np.zeros(3)
-        d[axis] = step
-        jacobian[0, :, axis] = (tilt(d, zero) - tilt(-d, zero)) / (2 * step)
-        jacobian[1, :, axis] = (tilt(zero, d) - tilt(zero, -d)) / (2 * step)
-    return np.asarray(np.einsum("jm,jab->mab", c, jacobian))
+    late, early = triad_jacobian(r2, r1)
+    return np.asarray(np.einsum("jm,jab->mab", c, np.stack([early, late])))

@@ -22,7 +22,7 @@ from schuler.align.field import FIELD, field_gain, field_solve
 from schuler.align.history import History, Rows, gravity_direction
 from schuler.attitude import skew
 from schuler.errors import InputError
-from schuler.estimate.vectors import triad, wahba_svd
+from schuler.estimate.vectors import triad, triad_jacobian, wahba_svd
 
 __all__ = ["MINIMUM_ROWS", "Weights", "instants", "solve", "weights"]
 
@@ -130,23 +130,10 @@ class Weights:
 
 
 def _triad_weights(theory: Array, rows: list[int]) -> Array:
-    """Differentiate TRIAD at its two vectors; return the weights (4, 3, 3) of the instants."""
+    """Return the weights (4, 3, 3) of the instants."""
     r1, r2 = _pair(theory, rows)
-
-    def tilt(d1: Array, d2: Array) -> Array:
-        r = triad(r2, r1, r2 + d2, r1 + d1)
-        # R_est = I - [phi x] about the truth.
-        return -0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
-
-    step = 1e-6 * float(min(np.linalg.norm(r1), np.linalg.norm(r2)))
-    j = np.empty((2, 3, 3))
-    zero = np.zeros(3)
-    for axis in range(3):
-        d = np.zeros(3)
-        d[axis] = step
-        j[0, :, axis] = (tilt(d, zero) - tilt(-d, zero)) / (2 * step)
-        j[1, :, axis] = (tilt(zero, d) - tilt(zero, -d)) / (2 * step)
-    return np.stack([-j[0], j[0], -j[1], j[1]])
+    late, early = triad_jacobian(r2, r1)
+    return np.stack([-early, early, -late, late])
 
 
 def weights(
@@ -155,7 +142,7 @@ def weights(
     """Return the weights of an estimator on the errors of v, in i0, and the thinned history.
 
     For least squares phi_0 = A^-1 sum of G x e with A = sum of (|G|^2 I - G G^T), G centred or
-    not; for TRIAD the derivative is taken numerically.
+    not; for TRIAD see `triad_jacobian`.
     """
     rows = instants(h, estimator)
     if rows:

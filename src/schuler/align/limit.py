@@ -10,7 +10,6 @@ have the specification as their prior; phi has none.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._files import read_toml
 from schuler.attitude import euler_to_quat, quat_to_matrix, skew
 from schuler.constants import DEG
 from schuler.earth import Site
@@ -218,12 +218,7 @@ def load_positions(path: str | Path) -> list[Position]:
     InputError
         If the file cannot be read, is not TOML, or holds a bad value, naming the position.
     """
-    try:
-        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: is not valid TOML ({error})") from None
+    data = read_toml(path)
     tables = data.pop("position", None)
     if data or not isinstance(tables, list) or not tables:
         raise InputError(f"{path}: expected one or more [[position]] tables and nothing else")

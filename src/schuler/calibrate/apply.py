@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._files import read_toml, replacing
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -102,8 +102,6 @@ class Calibration:
         """
         import tomli_w
 
-        from schuler._files import replacing
-
         data: dict[str, Any] = {"schema": "schuler.calibration/1", "name": self.name,
                                 "input": self.input}  # fmt: skip
         for part in ("gyro", "accel"):
@@ -126,12 +124,7 @@ class Calibration:
             If it cannot be read, is not TOML, or does not hold a calibration.
         """
         path = Path(path)
-        try:
-            data = tomllib.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: is not valid TOML ({error})") from None
+        data = read_toml(path)
         if data.get("schema") != "schuler.calibration/1":
             raise InputError(
                 f'{path}: is not a calibration: expected schema = "schuler.calibration/1"'

@@ -23,6 +23,7 @@ __all__ = [
     "davenport",
     "triad",
     "triad_covariance",
+    "triad_jacobian",
     "wahba_covariance",
     "wahba_svd",
 ]
@@ -124,6 +125,30 @@ def triad(r1: ArrayLike, r2: ArrayLike, v1: ArrayLike, v2: ArrayLike) -> Array:
     return reference @ observed.T
 
 
+def triad_jacobian(r1: ArrayLike, r2: ArrayLike) -> tuple[Array, Array]:
+    """Return how phi of `triad` answers to errors of the two observed vectors, (3, 3) each.
+
+    The errors are those of R v, in the reference frame and in the vectors' unit; phi is linear in
+    them as long as they are small.
+
+    Raises
+    ------
+    InputError
+        If a vector is zero or the two are parallel.
+    """
+    a, b = _unit(r1, "one"), _unit(r2, "two")
+    m = np.cross(a, b)
+    s = float(np.linalg.norm(m))
+    if s < 1e-12:
+        raise InputError("the two vectors are parallel: they do not fix an attitude")
+    n = m / s
+    p = np.cross(n, a)
+    # The tilts about n and p come from the first pair alone, the turn about a from both planes.
+    j1 = np.outer(n, p) - np.outer(p, n) - np.outer(a, n) * (float(a @ b) / s)
+    j2 = np.outer(a, n) / s
+    return j1 / float(np.linalg.norm(r1)), j2 / float(np.linalg.norm(r2))
+
+
 def triad_covariance(r1: ArrayLike, r2: ArrayLike, variance1: float, variance2: float) -> Array:
     """Return the covariance of phi (3, 3) of `triad`, for noise per axis of the unit vectors.
 
@@ -134,18 +159,7 @@ def triad_covariance(r1: ArrayLike, r2: ArrayLike, variance1: float, variance2: 
     variance1, variance2 : float
         Variance of each unit vector's error across its direction, rad^2.
     """
-    a, b = _unit(r1, "one"), _unit(r2, "two")
-    m = np.cross(a, b)
-    s = float(np.linalg.norm(m))
-    if s < 1e-12:
-        raise InputError("the two vectors are parallel: they do not fix an attitude")
-    n = m / s
-    c = float(a @ b)
-    p = np.cross(n, a)
-    # phi about n and across a come from pair one; the turn about a from both pairs across n.
-    #   phi = a x d1 + a (d2.n - cos d1.n) / -sin, with d1, d2 the errors of the unit vectors.
-    j1 = np.outer(n, p) - np.outer(p, n) - np.outer(a, n) * (c / s)
-    j2 = np.outer(a, n) / s
+    j1, j2 = triad_jacobian(_unit(r1, "one"), _unit(r2, "two"))
     return variance1 * (j1 @ j1.T) + variance2 * (j2 @ j2.T)
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping as Dict
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from schuler._files import replacing
+from schuler._files import read_toml, replacing
 from schuler.errors import InputError
 from schuler.io.axes import parse_axes
 from schuler.sensors.array import load_array
@@ -188,12 +187,7 @@ class Mapping:
             If the file cannot be read, is not TOML, or holds an unknown key or a bad value.
         """
         path = Path(path)
-        try:
-            data = tomllib.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: is not valid TOML ({error})") from None
+        data = read_toml(path)
         try:
             return cls.from_dict(data)
         except InputError as error:

@@ -6,7 +6,6 @@ acceleration, travel of an axis without slip ring, and the encoder's resolution.
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler._files import read_toml
 from schuler.attitude import euler_to_quat, multiply
 from schuler.constants import DEG
 from schuler.errors import InputError
@@ -246,13 +246,9 @@ class Scheme:
             If the file cannot be read, is not TOML, or holds a bad value.
         """
         path = Path(path)
+        data = read_toml(path)
         try:
-            data = tomllib.loads(path.read_text(encoding="utf-8"))
             return cls.from_dict(data, path.stem)
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: is not valid TOML ({error})") from None
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._files import read_toml
 from schuler.constants import DEG, DEG_PER_HOUR
 from schuler.earth import Site
 from schuler.errors import InputError
@@ -86,12 +86,7 @@ class RotationCase:
             If the file cannot be read, is not TOML, or holds a bad value.
         """
         path = Path(path)
-        try:
-            data = tomllib.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: is not valid TOML ({error})") from None
+        data = read_toml(path)
         try:
             return cls.from_dict(data, path.stem, path.parent)
         except InputError as error:

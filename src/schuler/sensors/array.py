@@ -7,7 +7,6 @@ the variances is least where H^T H = (n/3) I, and then it does not depend on the
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler._files import read_toml
 from schuler.errors import InputError
 from schuler.record import ImuRecord
 
@@ -259,12 +259,7 @@ class SensorArray:
         from schuler.constants import DEG_PER_HOUR
 
         path = Path(path)
-        try:
-            data = tomllib.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: is not valid TOML ({error})") from None
+        data = read_toml(path)
         known = ("name", "directions", "sigma", "bias_deg_h", "scale_ppm")
         for key in data:
             if key not in known:

@@ -8,11 +8,11 @@ at tau is N^2/tau + (2 ln2/pi) B^2 + K^2 tau/3 + 3 Q^2/tau^2.
 from __future__ import annotations
 
 import math
-import tomllib
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from schuler._files import read_toml
 from schuler.errors import InputError
 from schuler.units import parse, to_unit
 
@@ -255,12 +255,7 @@ class ImuSpec:
             If the file cannot be read, is not TOML, or holds a bad value.
         """
         path = Path(path)
-        try:
-            data = tomllib.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: is not valid TOML ({error})") from None
+        data = read_toml(path)
         try:
             return cls.from_dict(data, name=path.stem)
         except InputError as error:
