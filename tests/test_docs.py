@@ -213,6 +213,7 @@ def truck(tmp_path_factory):
         [],
         ["--spec", "navigation-rlg"],
         ["--spec", "industrial-mems", "--method", "analytic"],
+        ["--spec", "navigation-fog", "--method", "kalman"],
         ["--windows", "20", "--at", "start"],
         ["--windows", "50"],
     ],

@@ -165,6 +165,7 @@ class Alignment:
 
         from schuler.constants import DEG_PER_HOUR, MICRO_G
 
+        sigma = None if self.bias_covariance is None else np.sqrt(np.diag(self.bias_covariance))
         return {
             "schema": SCHEMA,
             "method": str(self.method),
@@ -182,7 +183,9 @@ class Alignment:
             "limit_arcmin": named(self.limit_arcmin),
             "budget_arcmin2": self.budget_arcmin2,
             "gyro_bias_deg_h": plain(self.gyro_bias, DEG_PER_HOUR),
+            "gyro_bias_sigma_deg_h": plain(None if sigma is None else sigma[:3], DEG_PER_HOUR),
             "accel_bias_ug": plain(self.accel_bias, MICRO_G),
+            "accel_bias_sigma_ug": plain(None if sigma is None else sigma[3:], MICRO_G),
             "warnings": list(self.warnings),
         }
 
