@@ -206,3 +206,14 @@ def test_increments_that_the_instrument_corrected_are_not_corrected_again(method
 def phi_between(one, other):
     back = other.quaternion * [1.0, -1.0, -1.0, -1.0]
     return float(np.linalg.norm(quat_to_rotvec(multiply(one.quaternion, back))))
+
+
+@pytest.mark.parametrize("name", ["displacement", "velocity", "any azimuth", "coloured", "huber"])
+def test_a_shaking_vehicle_shows_no_more_than_a_base_at_rest(name):
+    """Its own accelerations are noise: a filter that regresses on them states too small a sigma."""
+    for seed in range(3):
+        rng = np.random.default_rng([seed, 9])
+        motion = DisturbedVehicle.draw(rng, 600.0, heading=rng.uniform(0, 360))
+        record = simulate(motion, SITE, 600.0, 50.0, FOG, rng).record
+        fix = align(record, SITE, FORMS[name], FOG)
+        assert fix.sigma_arcmin[2] > 0.99 * fix.limit_arcmin[2]
