@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler._notebook import Shown
 from schuler.align.aligner import align
 from schuler.align.convergence import convergence
 from schuler.align.methods import METHODS, PREFILTERS, parse_method, parse_prefilter, with_prefilter
@@ -71,7 +72,7 @@ class Row:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(Shown):
     """Rows of methods on one record.
 
     Parameters

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._notebook import Shown
 from schuler.align.aligner import Aligner
 from schuler.align.history import inertial_to_local
 from schuler.align.joint import joint
@@ -38,7 +39,7 @@ _STEEPEST = 85.0 * DEG
 
 
 @dataclass(frozen=True, eq=False)
-class LatitudeFix:
+class LatitudeFix(Shown):
     """Latitude and attitude.
 
     Parameters

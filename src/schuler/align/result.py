@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._notebook import Shown, bar, card
 from schuler.align.fine import FinePass
 from schuler.align.history import History
 from schuler.align.methods import Method
@@ -31,7 +32,7 @@ AXES = ("east", "north", "up")
 
 
 @dataclass(frozen=True, eq=False)
-class Alignment:
+class Alignment(Shown):
     """Where the body points, how sure that is, and why.
 
     Parameters
@@ -226,6 +227,27 @@ class Alignment:
         sigma = self.sigma_arcmin[2]
         digits = max(0, 1 - int(np.floor(np.log10(max(sigma, 1e-3)))))
         return f"heading {self.heading_deg:.3f} deg ± {sigma:.{digits}f}'{tail}"
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        east, north, up = self.sigma_arcmin
+        rows = [
+            ("heading", f"{self.heading_deg:.4f}° ± {up:.2g}′"),
+            ("pitch, roll", f"{self.pitch_deg:.4f}°, {self.roll_deg:.4f}° "
+                            f"(tilt ± {east:.2g}′ east, ± {north:.2g}′ north)"),
+            ("method", escape(f"{self.method}, {self.duration:.6g} s, {self.samples} samples, "
+                              f"attitude at the {self.at}")),
+        ]  # fmt: skip
+        if self.why:
+            rows.append(("chosen because", escape(self.why)))
+        if self.gyro_bias is not None:
+            rows += [("", escape(line)) for line in self._bias_lines()]
+        total = float(self.covariance[2, 2]) / ARCMIN**2
+        for name, variance in sorted(self.budget_arcmin2.items(), key=lambda item: -item[1]):
+            share = variance / total if total > 0 else 0.0
+            rows.append((name.replace("_", " "), f"{variance**0.5:.2g}′{bar(share)}"))
+        return card(self.headline(), rows, self.warnings)
 
     def __str__(self) -> str:
         east, north, _ = self.sigma_arcmin

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler._notebook import Shown
 from schuler.constants import DEG, DEG_PER_HOUR, EARTH_RATE
 from schuler.errors import InputError
 
@@ -33,7 +34,7 @@ _TUNING = 6.0
 
 
 @dataclass(frozen=True, eq=False)
-class TableNorth:
+class TableNorth(Shown):
     """North by an indexing table.
 
     Parameters

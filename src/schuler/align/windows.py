@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler._notebook import Shown
 from schuler.align.aligner import Aligner
 from schuler.align.methods import Method
 from schuler.align.result import Alignment
@@ -22,7 +23,7 @@ __all__ = ["Windows", "align_windows"]
 
 
 @dataclass(frozen=True, eq=False)
-class Windows:
+class Windows(Shown):
     """The alignment of the whole span, and of each window in it.
 
     Parameters

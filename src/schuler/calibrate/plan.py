@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._notebook import Shown
 from schuler.calibrate.centrifuge import PUBLISHED_POSITIONS, Plant, Tables, position_matrices
 from schuler.calibrate.objective import Objective, judge, time_to_reach
 from schuler.constants import DEG
@@ -117,7 +118,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Plan:
+class Plan(Shown):
     """The best scheme found.
 
     Parameters

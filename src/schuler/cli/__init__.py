@@ -12,42 +12,55 @@ from schuler.errors import SchulerError
 
 __all__ = ["cli", "main"]
 
-#: command -> (module, what `schuler --help` says of it)
-_COMMANDS = {
-    "info": ("schuler.cli.info", "Look at a record: rate, gravity, Earth rate, noise, hints."),
-    "align": ("schuler.cli.align", "Find north: heading, pitch and roll with their uncertainty."),
-    "compare": ("schuler.cli.compare", "Run every method and prefilter on one record."),
-    "north": ("schuler.cli.north", "Find north with one gyro on an indexing table."),
-    "live": ("schuler.cli.live", "Align samples as they come: UDP, a serial port or a pipe."),
-    "navigate": ("schuler.cli.navigate", "Navigate by inertia alone, from a known start."),
-    "rotation": ("schuler.cli.rotation", "Say what turning the instrument does to its errors."),
-    "array": ("schuler.cli.array", "Say what an array of redundant gyros is worth."),
-    "limit": ("schuler.cli.limit", "Say how good an alignment can be at all: no record needed."),
-    "simulate": ("schuler.cli.simulate", "Make a record, and its truth, from a scenario file."),
-    "campaign": ("schuler.cli.campaign", "Simulate and align many times: is sigma what it says?"),
-    "allan": ("schuler.cli.allan", "Tell an instrument's noise from a static record."),
-    "calibrate": ("schuler.cli.calibrate", "Find an instrument's coefficients from a test."),
-    "plan": ("schuler.cli.plan", "Find the test that shows an instrument's coefficients best."),
-    "published": ("schuler.cli.published", "Redo published experiments beside what was printed."),
-    "demo": ("schuler.cli.demo", "Align a simulated truck and compare with the truth."),
+#: what for -> command -> what `schuler --help` says of it; its module has its name
+_MAP = {
+    "Begin": {
+        "demo": "Align a simulated truck and compare with the truth.",
+        "completion": "Print what lets a shell complete commands, methods and files.",
+    },
+    "Find north": {
+        "info": "Look at a record: rate, gravity, Earth rate, noise, hints.",
+        "align": "Find north: heading, pitch and roll with their uncertainty.",
+        "compare": "Run every method and prefilter on one record.",
+        "live": "Align samples as they come: UDP, a serial port or a pipe.",
+        "north": "Find north with one gyro on an indexing table.",
+        "limit": "Say how good an alignment can be at all: no record needed.",
+    },
+    "Know the instrument": {
+        "allan": "Tell an instrument's noise from a static record.",
+        "calibrate": "Find an instrument's coefficients from a test.",
+        "plan": "Find the test that shows an instrument's coefficients best.",
+        "array": "Say what an array of redundant gyros is worth.",
+    },
+    "Go on by inertia": {
+        "navigate": "Navigate by inertia alone, from a known start.",
+        "rotation": "Say what turning the instrument does to its errors.",
+    },
+    "Judge": {
+        "simulate": "Make a record, and its truth, from a scenario file.",
+        "campaign": "Simulate and align many times: is sigma what it says?",
+        "published": "Redo published experiments beside what was printed.",
+    },
 }
+_COMMANDS = [name for group in _MAP.values() for name in group]
 
 
 class _LazyGroup(click.Group):
     """A group that imports a command only when it is called or asked for help."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(_COMMANDS)
+        return _COMMANDS
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in _COMMANDS:
             return None
-        command: click.Command = import_module(_COMMANDS[name][0]).command
+        command: click.Command = import_module(f"schuler.cli.{name}").command
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, text) for name, (_, text) in _COMMANDS.items()])
+        for title, group in _MAP.items():
+            with formatter.section(title):
+                formatter.write_dl([(f"{name:<10}", text) for name, text in group.items()])
 
 
 @click.command(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -58,9 +71,10 @@ def cli() -> None:
     From a raw record of gyros and accelerometers to true north, with an honest uncertainty.
 
     \b
-      schuler info truck.csv --gyro deg/s --accel g      is this record what I think it is?
-      schuler align truck.csv --lat 34.2 --report r.html  where is north?
       schuler demo                                        try it without a record
+      schuler info truck.csv --gyro deg/s --accel g       is this record what I think it is?
+      schuler align truck.csv --lat 34.2 --report r.html  where is north?
+      schuler COMMAND --help                              options and examples
     """  # noqa: D301
 
 

@@ -22,6 +22,7 @@ from schuler.cli.common import (
     site_options,
     site_or_none,
 )
+from schuler.cli.completion import methods, prefilters, specs
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ __all__ = ["command"]
 @click.option(
     "--method",
     metavar="NAME",
+    shell_complete=methods,
     default="auto",
     show_default=True,
     help="auto (by what the record shows), centred, optimal, kalman, kalman-velocity, kalman-10, "
@@ -49,11 +51,13 @@ __all__ = ["command"]
 @click.option(
     "--prefilter",
     metavar="NAME",
+    shell_complete=prefilters,
     help="emd, lowpass, lowpass-zero-phase, gate, gate-printed, hankel or wavelet; or none.",
 )
 @click.option(
     "--spec",
     metavar="GRADE|TOML",
+    shell_complete=specs,
     help="The instrument: navigation-rlg, navigation-fog, tactical-fog, industrial-mems or a file.",
 )
 @click.option(

@@ -17,6 +17,7 @@ from schuler.cli.common import (
     site_options,
     site_or_none,
 )
+from schuler.cli.completion import files, specs
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def command() -> None:
 
 
 @command.command("poses")
-@click.argument("files", nargs=-1, required=True)
+@click.argument("files", nargs=-1, required=True, shell_complete=files)
 @click.option(
     "--gravity", default=9.80665, show_default=True, metavar="M/S^2", help="At the place."
 )
@@ -190,7 +191,7 @@ def _print_poses(fit: PosesFit) -> None:
 @site_options
 @click.option("--align", "rest", type=Seconds(), default="60s", show_default=True,
               help="Rest at the start, by which the instrument is aligned.")  # fmt: skip
-@click.option("--spec", required=True, metavar="GRADE|TOML",
+@click.option("--spec", required=True, metavar="GRADE|TOML", shell_complete=specs,
               help="The instrument: its noise, and how large its biases may be.")  # fmt: skip
 @click.option("--out", metavar="TOML", help="Write the calibration for `schuler align`.")
 @click.option("--json", "json_to", metavar="OUT", help="Write the result as JSON (- : here).")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler.cli.common import emit_json
+from schuler.cli.completion import methods, scenarios
 
 if TYPE_CHECKING:
     from schuler.align.scatter import Scatter
@@ -19,14 +20,14 @@ __all__ = ["command"]
 
 
 @click.command("campaign", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("scenario", metavar="SCENARIO.toml")
+@click.argument("scenario", metavar="SCENARIO.toml", shell_complete=scenarios)
 @click.option("--runs", default=100, show_default=True, metavar="N", help="Runs at each place.")
 @click.option(
     "--sweep", "sweeps", multiple=True, metavar="KEY=A,B,C",
     help="Values of a key of the scenario; several sweeps go all with all.",
 )  # fmt: skip
 @click.option(
-    "--method", "methods", multiple=True, metavar="NAME",
+    "--method", "methods", multiple=True, metavar="NAME", shell_complete=methods,
     help="Alignment methods, in the place of the scenario's.",
 )  # fmt: skip
 @click.option(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from schuler.cli.completion import files
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def _stack(options: list[Callable[[Any], Any]]) -> Callable[[F], F]:
 #: the file and everything that says what is in it
 file_options = _stack(
     [
-        click.argument("file"),
+        click.argument("file", shell_complete=files),
         click.option(
             "--columns", metavar="NAMES",
             help="Columns for t,gx,gy,gz,ax,ay,az: names, numbers from 1, or _ to pass one over.",

@@ -18,6 +18,7 @@ from schuler.cli.common import (
     site_options,
     site_or_none,
 )
+from schuler.cli.completion import methods, prefilters, specs
 from schuler.errors import InputError
 
 __all__ = ["command"]
@@ -29,11 +30,18 @@ __all__ = ["command"]
 @click.option(
     "--spec",
     metavar="GRADE|TOML",
+    shell_complete=specs,
     help="The instrument: navigation-rlg, navigation-fog, tactical-fog, industrial-mems or a file.",
 )
-@click.option("--method", "methods", metavar="LIST", help="Methods, with commas; all without it.")
 @click.option(
-    "--prefilter", "prefilters", metavar="LIST",
+    "--method",
+    "methods",
+    metavar="LIST",
+    shell_complete=methods,
+    help="Methods, with commas; all without it.",
+)
+@click.option(
+    "--prefilter", "prefilters", metavar="LIST", shell_complete=prefilters,
     help="Prefilters, with commas, each before every method that is named (none: without).",
 )  # fmt: skip
 @click.option("--windows", type=Seconds(), help="Length of the windows for the repeatability.")

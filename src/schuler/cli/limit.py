@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from schuler.cli.common import Seconds, emit_json, site_options, site_or_none
+from schuler.cli.completion import specs
 from schuler.errors import InputError
 
 __all__ = ["command"]
@@ -17,6 +18,7 @@ __all__ = ["command"]
     "--spec",
     required=True,
     metavar="GRADE|TOML",
+    shell_complete=specs,
     help="The instrument: navigation-rlg, navigation-fog, tactical-fog, industrial-mems or a file.",
 )
 @site_options

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler.cli.common import Seconds, check_outputs, say_warnings, site_options, site_or_none
+from schuler.cli.completion import methods, specs
 from schuler.errors import InputError, SchulerError
 
 if TYPE_CHECKING:
@@ -34,8 +35,13 @@ _STEP = 0.1
     show_default=True,
     help="What the values of CSV lines are; binary frames say it themselves.",
 )
-@click.option("--method", metavar="NAME", help="As of schuler align; not the Kalman filters.")
-@click.option("--spec", metavar="GRADE|TOML", help="The instrument.")
+@click.option(
+    "--method",
+    metavar="NAME",
+    shell_complete=methods,
+    help="As of schuler align; not the Kalman filters.",
+)
+@click.option("--spec", metavar="GRADE|TOML", shell_complete=specs, help="The instrument.")
 @click.option("--baud", default=115200, show_default=True, help="Of a serial port.")
 @click.option("--depth", default=64, show_default=True, help="Samples held while one is missing.")
 @click.option("--max-gap", type=Seconds(), default=5.0, help="Longest gap that is bridged.")

@@ -18,6 +18,7 @@ from schuler.cli.common import (
     site_options,
     site_or_none,
 )
+from schuler.cli.completion import specs
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -62,6 +63,7 @@ __all__ = ["command"]
 @click.option(
     "--spec",
     metavar="GRADE|TOML",
+    shell_complete=specs,
     help="The instrument: propagates the uncertainty as well.",
 )
 @click.option("--every", type=int, metavar="N", help="Samples to a row of the path (1).")

@@ -7,13 +7,14 @@ from typing import Any
 import click
 
 from schuler.cli.common import check_outputs, emit_json
+from schuler.cli.completion import files
 from schuler.errors import InputError
 
 __all__ = ["command"]
 
 
 @click.command("north", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("files", nargs=-1, required=True)
+@click.argument("files", nargs=-1, required=True, shell_complete=files)
 @click.option(
     "--angles", required=True, metavar="LIST", help="Table angle of each file, deg: 0,120,240."
 )

@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from schuler.cli.common import Seconds, check_outputs, emit_json
+from schuler.cli.completion import scenarios
 from schuler.errors import InputError
 
 __all__ = ["command"]
@@ -18,7 +19,7 @@ def command() -> None:
 
 
 @command.command("compare")
-@click.argument("scenario", metavar="SCENARIO.toml")
+@click.argument("scenario", metavar="SCENARIO.toml", shell_complete=scenarios)
 @click.option("--check", is_flag=True, help="Navigate the scenario's own heading in full as well.")
 @click.option("--json", "json_to", metavar="OUT", help="Write all rows as JSON (- : here).")
 @click.option("--report", "report_to", metavar="OUT.html", help="Draw the reductions.")

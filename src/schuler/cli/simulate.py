@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler.cli.common import emit_json
+from schuler.cli.completion import scenarios
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ __all__ = ["command"]
 
 
 @click.command("simulate", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("scenario", metavar="SCENARIO.toml")
+@click.argument("scenario", metavar="SCENARIO.toml", shell_complete=scenarios)
 @click.option(
     "--out", metavar="FILE", help="The record: .parquet (default: by the scenario's name), "
     ".csv or .npz.",

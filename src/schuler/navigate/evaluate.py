@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler._notebook import Shown
 from schuler.attitude import multiply, psi_to_heading, quat_to_euler, quat_to_rotvec
 from schuler.constants import DEG
 from schuler.earth import gravity, radii
@@ -112,7 +113,7 @@ def components(time: ArrayLike, error: ArrayLike, lat: float, height: float = 0.
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
+class Evaluation(Shown):
     """A path's errors at the reference's times.
 
     Parameters

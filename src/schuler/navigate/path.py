@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler._files import replacing
+from schuler._notebook import Shown
 from schuler.attitude import psi_to_heading, quat_to_euler
 from schuler.constants import ARCMIN, DEG
 from schuler.earth import radii
@@ -22,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class Path(Shown):
     """A navigation's result: its start, then one row every so many updates.
 
     Parameters

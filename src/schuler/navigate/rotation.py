@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler._files import read_toml
+from schuler._notebook import Shown
 from schuler.constants import DEG, DEG_PER_HOUR
 from schuler.earth import Site
 from schuler.errors import InputError
@@ -187,7 +188,7 @@ def _scheme(table: Any, what: str, folder: Path) -> Scheme:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(Shown):
     """End errors over latitudes (p) and headings (q).
 
     Parameters

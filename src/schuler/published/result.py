@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler._notebook import Shown
 from schuler.attitude import multiply, quat_to_rotvec
 from schuler.constants import ARCMIN
 from schuler.errors import InputError
@@ -55,7 +56,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Experiment:
+class Experiment(Shown):
     """A repeated experiment.
 
     Parameters

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler._notebook import Shown, card
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class ImuRecord:
+class ImuRecord(Shown):
     """A stretch of IMU samples; each is an increment over ``(time - dt, time]``.
 
     Parameters
@@ -204,6 +205,25 @@ class ImuRecord:
             f"ImuRecord({self.name!r}, {len(self)} samples, {self.start:.3f} to {self.end:.3f} s, "
             f"{self.rate:.6g} Hz)"
         )
+
+    def _repr_html_(self) -> str:
+        if not len(self):
+            return card(f"{self.name}: no samples", [])
+        rows = [
+            ("samples", f"{len(self)}, {self.start:.6g} to {self.end:.6g} s, {self.rate:.6g} Hz"),
+            ("mean |f|", f"{np.linalg.norm(self.accel, axis=1).mean():.6f} m/s²"),
+        ]
+        if self.dtheta.shape[1] == 3:
+            turn = np.rad2deg(np.linalg.norm(self.dtheta.sum(axis=0)) / self.duration) * 3600.0
+            rows.append(("|mean ω|", f"{turn:.4f} °/h (the Earth turns at 15.0411)"))
+        else:
+            rows.append(("gyros", f"{self.dtheta.shape[1]} axes, not fused"))
+        done = [
+            name for name, flag in (("coning", self.coning_corrected),
+                                    ("sculling", self.sculling_corrected)) if flag
+        ]  # fmt: skip
+        rows.append(("corrected for", ", ".join(done) or "nothing"))
+        return card(self.name, rows, self.quality.warnings() if self.quality else ())
 
     # -- cutting -----------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._notebook import Shown
 from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G, STANDARD_GRAVITY
 from schuler.earth import Site
 from schuler.errors import InputError
@@ -35,7 +36,7 @@ class Stretch:
 
 
 @dataclass(frozen=True, eq=False)
-class Summary:
+class Summary(Shown):
     """What a record looks like; SI, body axes.
 
     Parameters
