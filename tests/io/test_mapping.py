@@ -86,6 +86,9 @@ FULL = Mapping(
     skip_rows=3,
     header=True,
     variables={"gyro": "w", "accel": "f", "time": "t"},
+    format="kf-gins",
+    topic="/imu/data",
+    imu_type="LN200",
 )
 
 

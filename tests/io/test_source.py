@@ -325,7 +325,18 @@ def entries(monkeypatch: pytest.MonkeyPatch, *pairs: tuple[str, str]) -> None:
 
 def test_readers_lists_the_built_in(monkeypatch: pytest.MonkeyPatch) -> None:
     entries(monkeypatch)
-    assert set(readers()) == {"parquet", "npz", "mat", "psins", "bin", "text"}
+    assert set(readers()) == {
+        "parquet",
+        "npz",
+        "mat",
+        "ros",
+        "ulog",
+        "novatel",
+        "psins",
+        "kf-gins",
+        "bin",
+        "text",
+    }
 
 
 def test_another_packages_reader(monkeypatch: pytest.MonkeyPatch, put: Put, rows: Array) -> None:

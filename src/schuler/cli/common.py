@@ -35,7 +35,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 _MAPPING_KEYS = (
     "columns", "gyro", "accel", "time", "mean_rates", "axes", "rate", "start_time",
     "coning_corrected", "sculling_corrected", "array", "delimiter", "comment", "decimal",
-    "skip_rows", "header", "variables",
+    "skip_rows", "header", "variables", "format", "topic", "imu_type",
 )  # fmt: skip
 
 
@@ -120,6 +120,18 @@ file_options = _stack(
         ),
         click.option(
             "--variables", metavar="NAMES", help="Arrays of a .mat or .npz: gyro=w,accel=f,time=t.",
+        ),
+        click.option(
+            "--format", metavar="NAME",
+            help="Reader to use, for files without marks, as kf-gins; else the content decides.",
+        ),
+        click.option(
+            "--topic", metavar="NAME",
+            help="Which stream of a log: a ROS topic, vehicle_imu:1 (ULog), RAWIMUSX (NovAtel).",
+        ),
+        click.option(
+            "--imu-type", metavar="NAME",
+            help="Instrument of a NovAtel log that does not say it, as HG4930_AN01 or 58.",
         ),
         click.option(
             "--mapping", type=click.Path(), metavar="TOML",

@@ -2,7 +2,9 @@
 
 `read` gives a whole record, `open_source` a `Source` that is read in pieces or while it grows,
 `write` saves a record. Formats: text tables (CSV, TSV, semicolons, blanks), Parquet, NumPy's npz,
-MATLAB's mat, PSINS .imu and plain float64 records; `readers` lists them, `register` adds one.
+MATLAB's mat, PSINS .imu, ROS bags, PX4 ULog, NovAtel SPAN, KF-GINS and plain float64 records;
+`readers` lists them, `register` adds one. Tables of pandas, xarray and pyins come in and go out in
+memory.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from typing import Any
 
 from schuler.errors import InputError
 from schuler.io.content import Content, Reader
+from schuler.io.frames import from_pandas, from_pyins, from_xarray, to_pyins
 from schuler.io.mapping import Mapping
 from schuler.io.registry import readers, register
 from schuler.io.source import Source
@@ -23,10 +26,14 @@ __all__ = [
     "Mapping",
     "Reader",
     "Source",
+    "from_pandas",
+    "from_pyins",
+    "from_xarray",
     "open_source",
     "read",
     "readers",
     "register",
+    "to_pyins",
     "write",
 ]
 
@@ -44,7 +51,7 @@ def open_source(
     Parameters
     ----------
     path : str or Path
-        The file; ``"-"`` is standard input (text).
+        The file, or the folder of a ROS 2 bag; ``"-"`` is standard input (text).
     mapping : Mapping, str or Path, optional
         What is known about the file, or a TOML file that says it. A sidecar ``truck.csv.toml``
         beside ``truck.csv`` is used by itself; what is given here wins over it.

@@ -25,7 +25,8 @@ SKIP = ("_", "-")
 _GYRO = ("angular rate", "angle")
 _ACCEL = ("acceleration", "velocity")
 _BOOLS = ("mean_rates", "header", "coning_corrected", "sculling_corrected")
-_TEXTS = ("gyro", "accel", "time", "axes", "array", "delimiter", "comment", "decimal")
+_TEXTS = ("gyro", "accel", "time", "axes", "array", "delimiter", "comment", "decimal", "format",
+          "topic", "imu_type")  # fmt: skip
 _WORDS = {"tab": "\t", "\\t": "\t", "comma": ",", "semicolon": ";", "space": " "}
 
 
@@ -76,6 +77,15 @@ class Mapping:
     variables : dict of str to str
         Names of a ``.mat`` or ``.npz`` file's arrays: ``{"gyro": "w", "accel": "f", "time":
         "t"}``, or ``{"matrix": "imu"}`` for one array with a column each.
+    format : str
+        Name of the reader to use (`schuler.io.readers`), for a format that has no marks, as
+        ``"kf-gins"``; the file's content decides when it is not said.
+    topic : str
+        Which of several streams of a log: a ROS topic, a ULog message and its instance
+        (``"vehicle_imu:1"``), or a NovAtel message (``"RAWIMUSX"``).
+    imu_type : str
+        Instrument whose counts a NovAtel log holds, by name or number
+        (`schuler.io.novatel.IMU_TYPES`), where the log does not say.
 
     Raises
     ------
@@ -100,6 +110,9 @@ class Mapping:
     skip_rows: int | None = None
     header: bool | None = None
     variables: Dict[str, str] | None = None
+    format: str | None = None
+    topic: str | None = None
+    imu_type: str | None = None
 
     def __post_init__(self) -> None:
         for key in _BOOLS:

@@ -20,13 +20,18 @@ _registered: dict[str, Reader] = {}
 @cache
 def _built_in() -> dict[str, Reader]:
     from schuler.io.binary import BinaryReader
+    from schuler.io.kfgins import KfGinsReader
     from schuler.io.mat import MatReader
+    from schuler.io.novatel import NovatelReader
     from schuler.io.npz import NpzReader
     from schuler.io.parquet import ParquetReader
     from schuler.io.psins import PsinsReader
+    from schuler.io.ros import RosReader
     from schuler.io.text import TextReader
+    from schuler.io.ulog import UlogReader
 
-    kinds = (ParquetReader, NpzReader, MatReader, PsinsReader, BinaryReader, TextReader)
+    kinds = (ParquetReader, NpzReader, MatReader, RosReader, UlogReader, NovatelReader,
+             PsinsReader, KfGinsReader, BinaryReader, TextReader)  # fmt: skip
     return {kind.name: kind() for kind in kinds}
 
 
@@ -65,16 +70,21 @@ def register(reader: Reader) -> None:
     _registered[reader.name] = reader
 
 
-def find_reader(path: Path, head: bytes) -> Reader:
-    """Choose a file's reader: by its content, then its suffix, then text.
+def find_reader(path: Path, head: bytes, name: str | None = None) -> Reader:
+    """Choose a file's reader: the one that is named, or by its content, its suffix, then text.
 
     Other packages' readers are loaded only for a file that none of schuler's own knows.
 
     Raises
     ------
     InputError
-        If nothing fits, or a reader that is needed cannot be loaded.
+        If nothing fits, or a reader that is needed cannot be loaded or is unknown.
     """
+    if name is not None:
+        known = readers()
+        if name not in known:
+            raise InputError(f"format: unknown reader '{name}'; known: {', '.join(known)}")
+        return known[name]
     own = [*_registered.values(), *_built_in().values()]
     suffix = path.suffix.lower()
     for reader in own:

@@ -25,6 +25,8 @@ __all__ = ["FOLDER_MAPPING", "Source"]
 #: a mapping beside the files of a folder that say nothing themselves
 FOLDER_MAPPING = "schuler-mapping.toml"
 
+#: what a ROS 2 bag's folder is known by; its beginning stands for the folder's
+_BAG = "metadata.yaml"
 _HEAD = 1 << 16
 _LONG_HEAD = 1 << 20
 _POLL = 0.2
@@ -36,7 +38,7 @@ class Source:
     Parameters
     ----------
     path : str or Path
-        The file; ``"-"`` is standard input (text).
+        The file, or the folder of a ROS 2 bag; ``"-"`` is standard input (text).
     mapping : Mapping, optional
         What is known about the file. It wins over the sidecar ``FILE.toml`` beside the file, that
         over what the file says of itself, and that over the folder's ``schuler-mapping.toml``.
@@ -87,7 +89,7 @@ class Source:
         self._intake: Intake | None = None
         try:
             given, folder, notes, self.size, head = self._look(mapping or Mapping(), wait)
-            reader = find_reader(self.path, head)
+            reader = find_reader(self.path, head, folder.merged(given).format)
             self.format = reader.name
             # The folder's units are for files that state none: the reader must not see them.
             plain = replace(folder, gyro=None, accel=None, time=None)
@@ -122,7 +124,8 @@ class Source:
             if wait is not None and not readable(sys.stdin.buffer, wait):
                 raise InputError(f"nothing came in {wait:g} s")
             return mapping, folder, [], None, b""
-        if self.path.is_dir():
+        bag = self.path / _BAG
+        if self.path.is_dir() and not bag.is_file():
             raise InputError("is a folder; name a file in it")
         if not self.path.exists():
             raise InputError("there is no such file")
@@ -135,6 +138,9 @@ class Source:
         if sidecar.is_file():
             mapping = Mapping.from_toml(sidecar).merged(mapping)
             notes.append(f"the mapping beside it, '{sidecar.name}', was used")
+        if self.path.is_dir():
+            size = sum(file.stat().st_size for file in self.path.iterdir() if file.is_file())
+            return mapping, folder, notes, size, bag.read_bytes()[:_HEAD]
         if wait is not None:
             self._wait(folder.merged(mapping), wait)
         with self.path.open("rb") as file:
@@ -150,7 +156,10 @@ class Source:
         while clock.monotonic() < end:
             with self.path.open("rb") as file:
                 head = file.read(_LONG_HEAD)
-            if head and (len(head) == _LONG_HEAD or find_reader(self.path, head).name != "text"):
+            named = mapping.format
+            if head and (
+                len(head) == _LONG_HEAD or find_reader(self.path, head, named).name != "text"
+            ):
                 return
             try:
                 # A last line without its end may still be half a row.

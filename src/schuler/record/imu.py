@@ -13,6 +13,9 @@ from schuler._notebook import Shown, card
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
     from schuler.record.quality import Quality
 
 __all__ = ["ImuRecord"]
@@ -224,6 +227,38 @@ class ImuRecord(Shown):
         ]  # fmt: skip
         rows.append(("corrected for", ", ".join(done) or "nothing"))
         return card(self.name, rows, self.quality.warnings() if self.quality else ())
+
+    # -- views ----------------------------------------------------------------------
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return the samples as a table: time as index, dt, and a column for each channel.
+
+        Columns are ``dt``, ``dtheta_x`` ... ``dvel_z``; ``attrs`` holds units, axes and flags, so
+        that `schuler.io.from_pandas` gives the same record back.
+
+        Raises
+        ------
+        InputError
+            If pandas is not installed.
+        """
+        from schuler.record.views import to_pandas
+
+        return to_pandas(self)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return the samples as a dataset: ``dt``, ``dtheta`` and ``dvel`` over time and axis.
+
+        Each variable has its unit in ``attrs``, the dataset axes and flags, so that
+        `schuler.io.from_xarray` gives the same record back.
+
+        Raises
+        ------
+        InputError
+            If xarray is not installed.
+        """
+        from schuler.record.views import to_xarray
+
+        return to_xarray(self)
 
     # -- cutting -----------------------------------------------------------------------
 
