@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from schuler import Mapping, Site, align, open_source, read, write
+from schuler import InputError, Mapping, Site, align, open_source, read, write
 from schuler.cli import main
 from schuler.io import readers
 from schuler.motion import Static
@@ -180,3 +180,38 @@ def test_the_command_line_reads_it(
     there = align(record, SITE, "centred").heading_deg
     assert aligned["heading_deg"] == pytest.approx(there, abs=0.01)
     assert aligned["heading_deg"] == pytest.approx(HEADING, abs=2.0)
+
+
+BINARY = ("ros1", "ros2-sqlite", "ros2-mcap", "ulog", "novatel-binary", "novatel-ascii",
+          "kf-gins-binary")  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
+@pytest.mark.parametrize("name", BINARY)
+def test_any_damage_is_one_sentence_or_is_survived(
+    name: str, files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Bytes set at random, or the end cut off: a record or an `InputError`, never anything else."""
+    rng = np.random.default_rng(12)
+    path = files[name]
+    if path.is_dir():
+        (path,) = (p for p in path.iterdir() if p.name != "metadata.yaml")
+    whole = path.read_bytes()
+    sentences: list[str] = []
+    for trial in range(30):
+        hurt = bytearray(whole)
+        # Half of the slips are in the beginning, where most of what matters stands.
+        reach = len(whole) if trial % 2 else min(len(whole), 3000)
+        for place in rng.integers(0, reach, 1 + trial % 5):
+            hurt[place] = rng.integers(0, 256)
+        if trial % 4 == 3:
+            hurt = hurt[: int(rng.integers(16, len(whole)))]
+        (tmp_path / path.name).write_bytes(hurt)
+        try:
+            read(tmp_path / path.name, max_gap=1e9, **FORMATS[name][2])
+        except InputError as error:
+            sentences.append(str(error))
+    assert not any("\n" in text or len(text) > 1500 for text in sentences)
+    # Checksums let a NovAtel log lose only what is hurt.
+    assert bool(sentences) != name.startswith("novatel")
+    assert capsys.readouterr().out == ""
