@@ -3,7 +3,9 @@
 After the GNSS week, seconds and a status word come velocity increments, then angle increments,
 each as z, minus y, x (OEM7 documentation, logs 268, 325, 1461 and 1462). They are counts, whose
 size depends on the instrument (there, table "Raw IMU Scale Factors"): RAWIMUX and RAWIMUSX name
-it by its number (there, CONNECTIMU, table "IMU Type"), the others do not. Axes are those that are
+it by its number (there, CONNECTIMU, table "IMU Type"), the others do not. The sizes here are those
+of NovAtel's own driver (novatel_oem7_driver, oem7_imu.cpp), which refers to that table; a foot is
+0.3048 m, where the driver has 1/3.2808, 1.2e-5 longer. Axes are those that are
 marked on the instrument; mounted as the vehicle frame of SPAN they are right, forward, up. Each
 message ends with a CRC-32 that begins at zero; what fails it is left out.
 """
