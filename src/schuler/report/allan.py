@@ -205,7 +205,7 @@ def _table(fit: NoiseFit) -> str:
             )
         caption = f"{title}: ± 1 sigma; < where the record does not show it, with 95 %"
         out.append(
-            f"<table><caption>{escape(caption)}</caption><thead><tr><th></th>{head}"
+            f"<table><caption>{escape(caption)}</caption><thead><tr><td></td>{head}"
             f'<th scope="col">misfit of the variance</th></tr></thead><tbody>{body}</tbody></table>'
         )
     return "".join(out)

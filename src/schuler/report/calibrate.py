@@ -191,7 +191,9 @@ def platform_report(
         )
     head = ["", "unit", "sigma", "of published", "published", "estimate", "error"][: len(cells)]
     table = (
-        "<table><thead><tr>" + "".join(f"<th>{h}</th>" for h in head) + "</tr></thead><tbody>"
+        "<table><caption>Coefficients: what the test shows of them</caption><thead><tr>"
+        + "".join(f'<th scope="col">{h}</th>' if h else "<td></td>" for h in head)
+        + "</tr></thead><tbody>"
         + "".join(body) + "</tbody></table>"
     )  # fmt: skip
     rows = [

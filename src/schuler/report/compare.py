@@ -15,7 +15,10 @@ __all__ = ["comparison_report"]
 
 
 def _cell(value: float | None, form: str, unit: str = "") -> str:
-    return "–" if value is None else f"{value:{form}}{unit}"
+    if value is None:
+        return "–"
+    # Thousands of arcminutes are no place for powers of ten.
+    return f"{value:,.0f}{unit}" if form == ".3g" and value >= 1000 else f"{value:{form}}{unit}"
 
 
 def comparison_report(found: Comparison, path: str | Path) -> None:

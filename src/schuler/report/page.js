@@ -1,13 +1,15 @@
 "use strict";
 (function () {
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  // Paper is white whatever the screen is.
+  const paper = { ink: "#000", line: "#bbb" };
   function look() {
     const css = getComputedStyle(document.documentElement);
     const v = (name) => css.getPropertyValue(name).trim();
     return { ink: v("--ink"), line: v("--line") };
   }
-  function dress(layout) {
-    const { ink, line } = look();
+  function dress(layout, seen) {
+    const { ink, line } = seen || look();
     const out = Object.assign({}, layout, {
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       font: Object.assign({}, layout.font, { color: ink }),
@@ -31,10 +33,16 @@
     figures.forEach(([target, figure]) => Plotly.react(target, figure.data, dress(figure.layout), config));
   });
   window.addEventListener("beforeprint", () => {
-    figures.forEach(([target]) => Plotly.relayout(target, { width: 680 }));
+    figures.forEach(([target, figure]) => {
+      const layout = Object.assign(dress(figure.layout, paper), { width: 680 });
+      Plotly.react(target, figure.data, layout, config);
+    });
   });
   window.addEventListener("afterprint", () => {
-    figures.forEach(([target]) => Plotly.relayout(target, { width: null, autosize: true }));
+    figures.forEach(([target, figure]) => {
+      const layout = Object.assign(dress(figure.layout), { width: null, autosize: true });
+      Plotly.react(target, figure.data, layout, config);
+    });
   });
   document.documentElement.dataset.drawn = String(figures.length);
 })();
