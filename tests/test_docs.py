@@ -12,9 +12,11 @@ Blocks on ``lasergyro.imu`` need the real record and stand on their own: they ar
 from __future__ import annotations
 
 import contextlib
+import importlib
 import io
 import json
 import os
+import pkgutil
 import re
 import shlex
 import shutil
@@ -26,10 +28,11 @@ from typing import Any
 import jsonschema
 import pytest
 
+import schuler
 from tests.conftest import ROOT
 
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", *sorted(p for p in DOCS.glob("*.md") if p.stem != "benchmarks")]
+PAGES = [ROOT / "README.md", *sorted(p for p in DOCS.rglob("*.md") if p.stem != "benchmarks")]
 REAL = "lasergyro.imu"
 WRITE = os.environ.get("SCHULER_WRITE_DOCS") == "1"
 
@@ -38,6 +41,11 @@ _BLOCK = re.compile(
     re.MULTILINE | re.DOTALL,
 )
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+
+
+def named(page: Path) -> str:
+    """Return a page's path below docs/, which names its tests."""
+    return page.relative_to(DOCS if page.is_relative_to(DOCS) else ROOT).as_posix()
 
 
 def blocks(page: Path, real: bool) -> list[re.Match[str]]:
@@ -129,17 +137,15 @@ def settle(page: Path, changes: list[tuple[str, str]]) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, real=False)], ids=named)
 def test_page_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
-    if not blocks(page, real=False):
-        pytest.skip(f"{page.name} has no blocks to run")
     monkeypatch.chdir(tmp_path)
     settle(page, run_page(page, tmp_path, real=False))
 
 
 @pytest.mark.slow
 @pytest.mark.realdata
-@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, real=True)], ids=lambda p: p.name)
+@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, real=True)], ids=named)
 def test_page_s_blocks_on_the_real_record(page, tmp_path, monkeypatch, data_dir):
     (tmp_path / REAL).symlink_to((data_dir / "psins_lasergyro_vehicle" / REAL).resolve())
     monkeypatch.chdir(tmp_path)
@@ -270,7 +276,7 @@ def test_the_comparison_can_fail(found, written, agree):
     assert same(found, written) is agree
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+@pytest.mark.parametrize("page", PAGES, ids=named)
 def test_links_between_pages_lead_somewhere(page):
     text = page.read_text(encoding="utf-8")
     for target in re.findall(r"\]\(([^)#\s]+)", text):
@@ -288,9 +294,29 @@ def test_the_documentation_builds(tmp_path, root):
         env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    pages = list((tmp_path / "site").glob("*.html"))
-    assert pages
-    for page in pages:
+    texts = [page.read_text(encoding="utf-8") for page in (tmp_path / "site").rglob("*.html")]
+    assert len(texts) > 30
+    for text in texts:
         # Nothing may be fetched from elsewhere.
-        assert not re.search(r'<(?:script|link|img)[^>]+(?:src|href)="https?:', page.read_text())
+        assert not re.search(r'<(?:script|link|img)[^>]+(?:src|href)="https?:', text)
+    anchors = {anchor for text in texts for anchor in re.findall(r'id="(schuler[\w.]*)"', text)}
+    absent = sorted(public_names() - anchors)
+    assert not absent, f"public, and in no page of the API: {', '.join(absent)}"
     shutil.rmtree(tmp_path / "site")
+
+
+def public_names() -> set[str]:
+    """Return each public name of each room, as the API pages show it."""
+    front = (DOCS / "api.md").read_text(encoding="utf-8")
+    assert all(f"`sc.{name}`" in front for name in schuler.__all__ if name != "__version__")
+    names = set()
+    for each in pkgutil.iter_modules(schuler.__path__, "schuler."):
+        # The command line has a help of its own; of the kernels the useful ones are shown.
+        if each.name.startswith("schuler._") or each.name in ("schuler.cli", "schuler.kernels"):
+            continue
+        for name in getattr(importlib.import_module(each.name), "__all__", ()):
+            where = f"{each.name}.{name}"
+            # A function that shares its module's name is shown as that module's.
+            shared = (ROOT / "src" / where.replace(".", "/")).with_suffix(".py").exists()
+            names.add(f"{where}.{name}" if shared else where)
+    return names
