@@ -288,6 +288,7 @@ def test_links_between_pages_lead_somewhere(page):
 @pytest.mark.slow
 def test_the_documentation_builds(tmp_path, root):
     pytest.importorskip("mkdocs")
+    pytest.importorskip("matplotlib")  # draws the pictures
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "-d", str(tmp_path / "site")],
         cwd=root, capture_output=True, text=True, timeout=300,
