@@ -12,7 +12,7 @@ help:
 	@echo "make demo     align a simulated truck and draw the report into out/"
 	@echo "make lint     style, types, and which room imports which"
 	@echo "make bench    time schuler beside its peers, into docs/benchmarks.md"
-	@echo "make docs     build the documentation into site/"
+	@echo "make docs     run all examples, build the documentation into site/"
 	@echo "make picture  redraw the README's picture"
 	@echo "make clean    remove .venv and everything that was built"
 
@@ -48,7 +48,9 @@ lint: $(VENV)/.with-dev
 bench: $(VENV)/.with-bench
 	$(BIN)/python benchmarks/run.py
 
+# Every example first: a manual that does not run is not built.
 docs: $(VENV)/.with-docs
+	$(BIN)/python -m pytest -n 2 -k "page or example" tests/test_docs.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 picture: $(VENV)/.with-dev
