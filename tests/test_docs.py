@@ -139,6 +139,8 @@ def settle(page: Path, changes: list[tuple[str, str]]) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, real=False)], ids=named)
 def test_page_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
+    if any("from pyins" in m["body"] for m in blocks(page, real=False)):
+        pytest.importorskip("pyins", reason=f"{page.name} needs pyins: pip install python-ins")
     monkeypatch.chdir(tmp_path)
     settle(page, run_page(page, tmp_path, real=False))
 
