@@ -58,8 +58,8 @@ def _arrow(
     ax.text(*(tail + off * (tip - tail)), text, color=color, ha="center", va="center")
 
 
-def _bare(ax: Any, span: float = 1.35) -> None:
-    ax.set(xlim=(-span, span), ylim=(-span, span), aspect="equal")
+def _bare(ax: Any, span: float = 1.45) -> None:
+    ax.set(xlim=(-span, span), ylim=(-0.95, 1.6), aspect="equal")
     ax.axis("off")
 
 
@@ -77,7 +77,7 @@ def _arc(
 
 def angles() -> Any:
     """Three views of a body turned by each angle alone: top, from the right side, from behind."""
-    figure, (top, side, back) = plt.subplots(1, 3, figsize=(8.4, 3.0))
+    figure, (top, side, back) = plt.subplots(1, 3, figsize=(8.8, 2.7))
     turn = 35.0 * DEG
     c = quat_to_matrix(euler_to_quat([-turn, 0.0, 0.0]))
     _arrow(top, (0, 1), "north", GREY)
@@ -85,7 +85,7 @@ def angles() -> Any:
     _arrow(top, c[:2, 1], "forward", BLUE, off=1.17)
     _arrow(top, c[:2, 0], "right", ORANGE)
     _arc(top, 90 * DEG, np.arctan2(c[1, 1], c[0, 1]), "heading", (-0.42, 0.5))
-    top.set_title("from above: heading +35°, ψ = −35°")
+    top.text(0, 1.5, "from above: heading +35°, ψ = −35°", ha="center")
     c = quat_to_matrix(euler_to_quat([0.0, turn, 0.0]))
     # From the right the line of sight is -x: north to the right, up is up.
     _arrow(side, (1, 0), "level", GREY, off=1.2)
@@ -93,14 +93,14 @@ def angles() -> Any:
     _arrow(side, c[1:, 1], "forward", BLUE, off=1.17)
     _arrow(side, c[1:, 2], "up of body", GREEN)
     _arc(side, 0.0, np.arctan2(c[2, 1], c[1, 1]), "pitch", (0.78, 0.2))
-    side.set_title("from the right: pitch +35°")
+    side.text(0, 1.5, "from the right: pitch +35°", ha="center")
     c = quat_to_matrix(euler_to_quat([0.0, 0.0, turn]))
     _arrow(back, (1, 0), "level", GREY, off=1.2)
     _arrow(back, (0, 1), "up", GREY)
     _arrow(back, c[[0, 2], 0], "right", ORANGE)
     _arrow(back, c[[0, 2], 2], "up of body", GREEN, off=1.17)
     _arc(back, 90 * DEG, np.arctan2(c[2, 2], c[0, 2]), "roll", (-0.22, 0.55))
-    back.set_title("from behind: roll +35°")
+    back.text(0, 1.5, "from behind: roll +35°", ha="center")
     for ax in (top, side, back):
         _bare(ax)
     return figure
@@ -121,12 +121,12 @@ def earth() -> Any:
     whole = rate[1] * north + rate[2] * up
     _arrow(ax, up + whole, "Ω", BLUE, up, 1.1)
     _arrow(ax, up + rate[1] * north, "", ORANGE, up)
-    ax.text(*(up + rate[1] * north), "Ω cosL, north ", color=ORANGE, ha="right")
+    ax.text(-0.07, (up + rate[1] * north)[1], "Ω cosL, north", color=ORANGE, ha="right")
     _arrow(ax, up + rate[2] * up, "Ω sinL, up", GREEN, up, 1.3)
     _arrow(ax, (0, 1.5), "z of i0", GREY, (0, 1.1), 1.3)
     _arrow(ax, (1.45, 0), "x of i0", GREY, (1.1, 0), 1.45)
     ax.plot(*up, "o", color=TEXT, ms=5)
-    ax.set(xlim=(-0.75, 2.15), ylim=(-1.1, 1.75), aspect="equal")
+    ax.set(xlim=(-1.0, 2.15), ylim=(-1.1, 1.75), aspect="equal")
     ax.axis("off")
     return figure
 
@@ -145,8 +145,8 @@ def cone() -> Any:
     ax.plot([0, 0], [0, 0], [0, 1.1], color=TEXT, lw=1.0, ls="--")
     ax.text(0, 0, 1.18, "the Earth's axis", ha="center")
     ax.set_axis_off()
-    ax.set_box_aspect((1, 1, 0.62), zoom=1.35)
-    ax.view_init(35, 45)
+    ax.set_box_aspect((1, 1, 0.75), zoom=1.3)
+    ax.view_init(14, 45)
     right = figure.add_subplot(1, 2, 2)
     t = np.linspace(0.0, 120.0, 121)
     for degrees, color in ((0, BLUE), (40, ORANGE), (70, GREEN)):
@@ -172,7 +172,7 @@ def slopes() -> Any:
         ax.loglog(times, bound, color=color, label=name)
         floor = spec.gyro.bias / (EARTH_RATE * np.cos(site.latitude)) / ARCMIN
         ax.axhline(floor, color=color, lw=0.9, ls="--")
-    ax.text(11, 1.15 * floor, "gyro bias to the east / (Ω cosL)", color=ORANGE, va="bottom")
+    ax.text(150, floor / 1.25, "gyro bias to the east / (Ω cosL)", color=ORANGE, va="top")
     ax.set(xlabel="time, s", ylabel="heading, 1 sigma, arcmin")
     ax.set_title("the limit at latitude 40°; dashed, the floor of each instrument")
     ax.legend()
@@ -201,7 +201,7 @@ def centred() -> Any:
     ax.axvline(150.0, color=GREY, lw=0.9, ls="--")
     ax.set(xlabel="time, s", ylabel="φ less the formula, arcmin")
     ax.set_title("a gyro drift, 300 s: right in the middle")
-    ax.legend()
+    ax.legend(loc="upper center")
     record, steps = record.between(0.0, 100.0), np.linspace(0.0, 5e-3, 6)
     for method, color in (("centred", BLUE), ("wahba", ORANGE)):
         found = []
