@@ -50,7 +50,7 @@ bench: $(VENV)/.with-bench
 
 # Every example first: a manual that does not run is not built.
 docs: $(VENV)/.with-docs
-	$(BIN)/python -m pytest -n 2 -k "page or example" tests/test_docs.py
+	$(BIN)/python -m pytest -n 2 --dist worksteal -k "page or example" tests/test_docs.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 picture: $(VENV)/.with-dev
