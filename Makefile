@@ -34,7 +34,7 @@ $(VENV)/.with-%: pyproject.toml | $(BIN)/python
 	@touch $@
 
 test: $(VENV)/.with-dev
-	$(BIN)/python -m pytest -n 2 $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n 2 --dist worksteal $(PYTEST_ARGS)
 
 demo: $(VENV)/.with-report
 	$(BIN)/schuler demo --out out/

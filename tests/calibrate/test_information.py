@@ -60,7 +60,7 @@ def test_a_turn_s_products_are_those_of_its_samples():
     assert g[1, 1] == pytest.approx(50.0)
 
 
-@pytest.mark.parametrize("dwell", [20.0, 100.0])
+@pytest.mark.parametrize("dwell", [20.0, pytest.param(100.0, marks=pytest.mark.compiled)])
 @pytest.mark.parametrize("tilted", [False, True])
 def test_the_closed_form_is_the_direct_sum_to_1e_4_of_each_sigma(dwell, tilted, rng):
     positions = np.array(PUBLISHED_POSITIONS, float)
@@ -71,6 +71,7 @@ def test_the_closed_form_is_the_direct_sum_to_1e_4_of_each_sigma(dwell, tilted, 
     np.testing.assert_allclose(ours, direct, rtol=1e-4)
 
 
+@pytest.mark.compiled
 def test_d_oo_shows_with_several_levels_of_force_and_not_with_one():
     plant = Plant(d_oo=True)
     positions = [*PUBLISHED_POSITIONS, *PUBLISHED_POSITIONS]
@@ -118,6 +119,7 @@ def test_the_time_to_reach_is_the_first_dwell_that_suffices():
     assert time_to_reach(Plant(), PUBLISHED_POSITIONS, hopeless) == np.inf
 
 
+@pytest.mark.compiled
 def test_angles_turn_as_the_matrix_does(rng):
     """Eq. 15 for z, y, x: dC/dt = -[w x] C, by central differences."""
     for _ in range(20):

@@ -147,6 +147,7 @@ def test_chunking_does_not_matter():
         assert np.array_equal(flown(made, n_sub, (1, 2, 77, 77, 500)), whole)
 
 
+@pytest.mark.compiled
 def test_longer_truth_is_the_same_truth():
     """Chunks of the simulator leave no seam."""
     motion = DisturbedVehicle.draw(rng(), 200.0)

@@ -69,6 +69,7 @@ def test_random_walk_of_the_rate(rng):
     assert low < np.sum((out[-1] / dt) ** 2) / (k**2 * 4 * dt * steps) < high
 
 
+@pytest.mark.compiled
 def test_bias_instability_has_a_flat_allan_deviation(rng):
     # (2 ln 2 / pi) B^2, that is (0.664 B)^2, at every time between the sample and the record.
     level, dt = 5e-6, 0.1
