@@ -141,6 +141,10 @@ def settle(page: Path, changes: list[tuple[str, str]]) -> None:
 def test_page_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
     if any("from pyins" in m["body"] for m in blocks(page, real=False)):
         pytest.importorskip("pyins", reason=f"{page.name} needs pyins: pip install python-ins")
+    from schuler.io import registry
+
+    # A reader that a page registers is the page's own.
+    monkeypatch.setattr(registry, "_registered", {})
     monkeypatch.chdir(tmp_path)
     settle(page, run_page(page, tmp_path, real=False))
 
