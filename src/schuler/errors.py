@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["InputError", "SchulerError"]
+__all__ = ["InputError", "SchulerError", "printable"]
 
 
 class SchulerError(Exception):
@@ -11,3 +11,27 @@ class SchulerError(Exception):
 
 class InputError(SchulerError, ValueError):
     """Something that was given (a file, a value, an option) cannot be used as it is."""
+
+
+def printable(text: str) -> str:
+    r"""Return a text whose control characters are made visible, as ``\x1b``.
+
+    Text of a file, or a file's name, must not reach a terminal as a command to it. Line feeds and
+    tabs stay.
+
+    Examples
+    --------
+    >>> print(printable("name\x1b[2J.csv"))
+    name\x1b[2J.csv
+    """
+    if text.isprintable():
+        return text
+    from unicodedata import category
+
+    # C: control, format (which can reverse text), lone surrogates; Zl, Zp: other line ends.
+    return "".join(
+        c.encode("unicode_escape").decode()
+        if c not in "\n\t" and (category(c)[0] == "C" or category(c) in ("Zl", "Zp"))
+        else c
+        for c in text
+    )

@@ -38,6 +38,11 @@ class Store:
         self.manifest = self.folder / "campaign.json"
         self.results = self.folder / "results.parquet"
 
+    def files(self) -> list[Path]:
+        """Return the files that the store keeps or would keep; no output may be one of them."""
+        parts = sorted(self.parts.glob("part-*.parquet"))
+        return [self.manifest, self.results, self.folder / ".lock", *parts]
+
     @contextmanager
     def held(self) -> Iterator[None]:
         """Keep other processes out; the lock goes with the process, however that ends.
