@@ -16,9 +16,11 @@ TOOLS = {"mypy", "ruff", "import-linter", "python-ins", "pytest", "pytest-cov", 
 def main() -> None:
     """Print the constraints."""
     project = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())
-    wanted = project["project"]["dependencies"] + [
-        each for extra in project["project"]["optional-dependencies"].values() for each in extra
-    ]
+    extras = project["project"]["optional-dependencies"]
+    wanted = [*project["project"]["dependencies"], *extras["dev"]]
+    nested = re.findall(r"schuler\[([^\]]*)\]", " ".join(wanted))
+    for name in ",".join(nested).split(","):
+        wanted += extras[name.strip()]
     for each in sorted(set(wanted)):
         found = re.fullmatch(r"([A-Za-z0-9_.-]+)>=([0-9.]+)", each)
         if found and found[1] not in TOOLS:
