@@ -62,6 +62,6 @@ picture: $(VENV)/.with-dev
 	$(BIN)/python docs/make_picture.py
 
 clean:
-	rm -rf $(VENV) build dist site out .pytest_cache .hypothesis .mypy_cache .ruff_cache \
+	rm -rf $(VENV) .venv-lowest build dist site out .pytest_cache .hypothesis .mypy_cache .ruff_cache \
 	  .import_linter_cache .coverage htmlcov
 	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
