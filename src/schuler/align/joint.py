@@ -67,6 +67,52 @@ _FREE_GYRO, _FREE_ACCEL = 1e-6 * DEG_PER_HOUR, 1e-3 * MICRO_G
 
 
 @dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """Normal equations of attitude and velocity for all unknowns, without priors.
+
+    Parameters
+    ----------
+    information : (n, n) float64
+        J^T N^-1 J.
+    right : (n,) float64
+        J^T N^-1 y.
+
+    The unknowns are phi_0 (3), gyro bias (3, rad/s), accelerometer bias (3, m/s^2), velocity east
+    and north (2), the attitude of each dwell (3 each), the latitude (1, rad) and a steady turn of
+    the base about east, north and up (3, rad/s), which only the attitude shows.
+    """
+
+    information: Array
+    right: Array
+
+    GYRO = slice(3, 6)
+    ACCEL = slice(6, 9)
+    LATITUDE = -4
+    BASE_RATE = slice(-3, None)
+
+    def solve(self, prior_sigma: Array) -> tuple[Array, Array]:
+        """Return estimate (n,) and covariance (n, n) for 1-sigma priors about zero.
+
+        Parameters
+        ----------
+        prior_sigma : (n,) float64
+            Infinite for an unknown without a prior, zero for one that is known to be zero.
+        """
+        free = prior_sigma > 0
+        weight = np.where(np.isinf(prior_sigma), 0.0, 1.0 / np.where(free, prior_sigma, 1.0) ** 2)
+        a = (self.information + np.diag(weight))[np.ix_(free, free)]
+        seen = np.diag(a) > 0
+        scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, np.diag(a), 1.0)), 0.0)
+        inverse = np.linalg.pinv(a * np.outer(scale, scale), rcond=1e-13, hermitian=True)
+        part = inverse * np.outer(scale, scale)
+        covariance = np.zeros_like(self.information)
+        covariance[np.ix_(free, free)] = part
+        value = np.zeros(len(self.right))
+        value[free] = part @ self.right[free]
+        return value, covariance
+
+
+@dataclass(frozen=True, eq=False)
 class Joint:
     """The optimal estimate.
 
@@ -100,6 +146,8 @@ class Joint:
         Whether the unit is on one base all the time.
     latitude : (2,) float64
         How far the latitude is off, and its 1-sigma, rad; zero where it is taken for known.
+    normal : NormalEquations
+        The whole problem without priors, for tests of what was taken for granted.
     """
 
     rotation: Array
@@ -116,6 +164,7 @@ class Joint:
     sway_levels: Array
     steady: bool
     latitude: Array
+    normal: NormalEquations
 
     def positions(self, site: Site) -> list[Position]:
         """Return the dwells as positions of a limit, with the turns between them as tracked."""
@@ -232,20 +281,23 @@ def joint(h: History, site: Site, spec: ImuSpec | None, *, free_latitude: bool =
     levels = velocity_levels(velocity_powers(e, dt, interval, g, spec, dwells))
     turns = _turns(q, r, local, dwells)
     series = _series(h, site, spec, levels, local, attitude, turns, dwells)
-    if free_latitude:
-        series = _with_latitude(series, h, site, local)
-    gain_a, gain_v, covariance = _gains(series, spec, free_latitude)
+    series = _with_tests(series, h, site, local, dwells)
+    gain_a, gain_v, covariance, information, groups = _gains(series, spec, free_latitude)
     latitude = np.zeros(2)
     biases = np.zeros(6)
     # Errors are phi^2, so a second step leaves nothing.
     for _ in range(2):
         e = np.einsum("iab,ib->ia", local[:, :2], velocity @ r.T - theory)
+        turns = _turns(q, r, local, dwells)
         found = np.einsum("iab,ib->a", gain_v, e)
-        found += np.einsum("iab,ib->a", gain_a, _turns(q, r, local, dwells))
+        found += np.einsum("iab,ib->a", gain_a, turns)
         biases = found[3:9]
         if free_latitude:
             latitude = np.array([found[9], np.sqrt(covariance[9, 9])])
         r = np.asarray(quat_to_matrix(rotvec_to_quat(found[:3])) @ r)
+    right = np.zeros(len(information))
+    for turn, rows_a, move, rows_v, weighted in groups:
+        right += weighted @ np.concatenate([turns[rows_a, turn], e[rows_v, move]])
     spread = sum(
         (gain_a[:, :3, k].T @ series.mean_sway[k] @ gain_a[:, :3, k] for k in range(3)),
         np.zeros((3, 3)),
@@ -258,11 +310,14 @@ def joint(h: History, site: Site, spec: ImuSpec | None, *, free_latitude: bool =
         r, biases, covariance[:9, :9], w, -gain_a[:, :3] @ local, np.asarray(spread), levels, h,
         attitude, dwells, _share(series, gain_a, gain_v, local[m // 2, 2]), series.sway_levels,
         dwells == ((0, m),) and len(series.attitude_rows) > 0, latitude,
+        NormalEquations(information, right),
     )  # fmt: skip
 
 
-def _with_latitude(series: _Series, h: History, site: Site, local: Array) -> _Series:
-    """Return the series with a last column for the latitude: what G gains by it."""
+def _with_tests(
+    series: _Series, h: History, site: Site, local: Array, dwells: tuple[tuple[int, int], ...]
+) -> _Series:
+    """Return the series with columns for the latitude and for a steady turn of the base."""
     step = 1e-5
     sides = []
     for sign in (-1.0, 1.0):
@@ -271,9 +326,14 @@ def _with_latitude(series: _Series, h: History, site: Site, local: Array) -> _Se
         sides.append(direction * h.block_means(slice(12, 15)))
     # v is that of the true latitude, so the residual gains what G would.
     slope = np.einsum("iab,ib->ia", local[:, :2], (sides[1] - sides[0]) / (2.0 * step))
-    column = np.zeros((*series.design.shape[:2], 1))
-    column[3:, :, 0] = slope.T
-    return replace(series, design=np.concatenate([series.design, column], axis=2))
+    columns = np.zeros((*series.design.shape[:2], 4))
+    columns[3:, :, 0] = slope.T
+    middle = 0.5 * (h.t[1:] + h.t[:-1])
+    for begin, end in dwells:
+        since = middle[begin:end] - middle[(begin + end) // 2]
+        for axis in range(3):
+            columns[axis, begin:end, 1 + axis] = since
+    return replace(series, design=np.concatenate([series.design, columns], axis=2))
 
 
 def _share(series: _Series, gain_a: Array, gain_v: Array, up: Array) -> float:
@@ -364,18 +424,24 @@ def _carried(once: Array, steps: Array) -> Array:
     return np.asarray((once @ steps.reshape(len(steps), 9)).reshape(steps.shape))
 
 
-def _gains(series: _Series, spec: ImuSpec | None, last: bool) -> tuple[Array, Array, Array]:
+_Group = tuple[int, Rows, int, Rows, Array]
+
+
+def _gains(
+    series: _Series, spec: ImuSpec | None, free_latitude: bool
+) -> tuple[Array, Array, Array, Array, list[_Group]]:
     """Return what a unit of attitude (m, k, 3) and of velocity (m, k, 2) makes of the unknowns.
 
-    And their covariance (k, k): phi_0 and the biases, and with `last` the last column.
+    And their covariance (k, k): phi_0 and the biases, and the latitude where it is free; then the
+    information of all unknowns without priors, and the weighted design of each group.
     """
     m, n = series.design.shape[1:]
     information = np.zeros((n, n))
     free = (_FREE_GYRO, _FREE_ACCEL)
     sigma = free if spec is None else np.maximum((spec.gyro.bias, spec.accelerometer.bias), free)
-    prior = np.repeat(1.0 / np.square(sigma), 3)
-    information[range(3, 9), range(3, 9)] = prior
-    groups: list[tuple[int, Rows, int, Rows, Array]] = []
+    prior = np.zeros(n)
+    prior[3:9] = np.repeat(1.0 / np.square(sigma), 3)
+    groups: list[_Group] = []
     none = np.zeros(0, np.int64)
     # A turn about east takes the force north and a turn about north takes it west; a turn about
     # up takes it nowhere. So the series fall into three independent groups.
@@ -396,14 +462,17 @@ def _gains(series: _Series, spec: ImuSpec | None, last: bool) -> tuple[Array, Ar
         weighted = np.linalg.solve(noise, jacobian).T
         information += weighted @ jacobian
         groups.append((turn, rows_a, move - 3, rows_v, weighted))
-    seen = np.diag(information) > 0
-    scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, np.diag(information), 1.0)), 0.0)
-    scaled = information * np.outer(scale, scale) + np.diag(1.0 - seen)
+    # A steady turn of the base is taken for nothing here, and so is an error of the latitude.
+    used = np.arange(n - 3 if free_latitude else n - 4)
+    posterior = (information + np.diag(prior))[np.ix_(used, used)]
+    seen = np.diag(posterior) > 0
+    scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, np.diag(posterior), 1.0)), 0.0)
+    scaled = posterior * np.outer(scale, scale) + np.diag(1.0 - seen)
     inverse = np.linalg.inv(scaled) * np.outer(scale, scale)
-    pick = np.array([*range(9), n - 1] if last else range(9))
+    pick = np.array([*range(9), len(used) - 1] if free_latitude else range(9))
     gain_a, gain_v = np.zeros((m, len(pick), 3)), np.zeros((m, len(pick), 2))
     for turn, rows_a, move, rows_v, weighted in groups:
-        gain = (inverse[pick] @ weighted).T
+        gain = (inverse[pick] @ weighted[used]).T
         gain_a[rows_a, :, turn] = gain[: len(rows_a)]
         gain_v[rows_v, :, move] = gain[len(rows_a) :]
-    return gain_a, gain_v, inverse[np.ix_(pick, pick)]
+    return gain_a, gain_v, inverse[np.ix_(pick, pick)], information, groups
