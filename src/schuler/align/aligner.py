@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.align.assessment import assess, capped
 from schuler.align.compass import compass_alignment
-from schuler.align.estimate import Estimate, estimate
+from schuler.align.estimate import QUIET, Estimate, estimate
 from schuler.align.fine import fine_alignment
 from schuler.align.history import History
 from schuler.align.limit import limit, position_limit
@@ -220,22 +221,22 @@ class Aligner:
         )  # fmt: skip
         return History.from_state(state, nodes)
 
-    def _estimate(self, h: History) -> Estimate:
+    def _estimate(self, h: History, spec: ImuSpec | None) -> Estimate:
         at_end = self.at == "end"
         if not isinstance(self.method, (Fine, Gyrocompass)):
-            return estimate(h, self.site, self.method, self.spec, at_end)
+            return estimate(h, self.site, self.method, spec, at_end)
         record = ImuRecord.concatenate(self._held)
         if isinstance(self.method, Gyrocompass):
             if not at_end:
                 raise InputError("a gyrocompass loop gives the attitude at the end: say --at end")
-            loop = compass_alignment(record, h, self.site, self.method, self.spec)
+            loop = compass_alignment(record, h, self.site, self.method, spec)
             return Estimate(
-                self.method, loop.attitude, loop.budget, None, None, self.spec, passed=loop.passed
+                self.method, loop.attitude, loop.budget, None, None, spec, passed=loop.passed
             )
-        fine = fine_alignment(record, h, self.site, self.method, self.spec, at_end)
-        known = self.spec is not None
+        fine = fine_alignment(record, h, self.site, self.method, spec, at_end)
+        known = spec is not None
         return Estimate(
-            self.method, fine.attitude, fine.budget, None, None, self.spec,
+            self.method, fine.attitude, fine.budget, None, None, spec,
             fine.biases if known else None, fine.bias_covariance if known else None,
             passed=fine.passed,
         )  # fmt: skip
@@ -268,27 +269,35 @@ class Aligner:
         ratio = summary.steady_force(self.site.gravity) / self.site.gravity
         if hints and not 0.9 < ratio < 1.1:
             raise InputError(f"{self._name}: {hints[0]} (an alignment needs the force at rest)")
-        found = self._estimate(h)
-        if found.positions:
-            # A unit that is turned on purpose does not read Earth rate on average.
-            hints = [text for text in hints if not text.startswith("the mean |w|")]
-        warnings = [*self._quality, *hints]
+        assessed = assess(
+            h, summary, self.site, self.spec, self._estimate(h, self.spec),
+            lambda spec: self._estimate(h, spec),
+        )  # fmt: skip
+        found = assessed.estimate
+        budget = capped(found.budget)
+        covariance = np.asarray(sum(budget.values(), np.zeros((3, 3))))
+        contradictions = tuple(each.text for each in assessed.contradictions)
+        if found.positions or assessed.contradictions:
+            # A unit that is turned on purpose does not read Earth rate on average; and what a
+            # contradiction says is not said twice.
+            hints = [text for text in hints if not text.startswith(("the mean |w|", "the angle"))]
+        warnings = [*self._quality, *hints, *assessed.notes]
         bound = None
         if self.spec is None:
             warnings.append(_BIAS_MISSING)
         else:
-            assert found.spec is not None
+            used = found.spec or self.spec
             if found.positions:
-                bound = position_limit(found.spec, self.site, found.positions, summary.interval).phi
+                bound = position_limit(used, self.site, found.positions, summary.interval).phi
             else:
-                bound = limit(found.spec, self.site, h.duration, summary.interval)
-            if found.spec is not self.spec and found.noise_ratio is not None:
+                bound = limit(used, self.site, h.duration, summary.interval)
+            if found.noise_ratio is not None and found.noise_ratio < QUIET:
                 warnings.append(
                     f"the record has {found.noise_ratio:.2g} times the noise power of the "
                     f"specification '{self.spec.name}', too little for chance: the white noise in "
                     "sigma and limit was scaled down to what the record shows"
                 )
-        sigma = float(np.sqrt(found.covariance[2, 2])) / ARCMIN
+        sigma = float(np.sqrt(covariance[2, 2])) / ARCMIN
         if sigma > 600.0:
             warnings.append(
                 f"sigma of the heading is {sigma / 60:.0f} deg: this record, or this instrument, "
@@ -302,8 +311,9 @@ class Aligner:
             samples=self.samples,
             at=self.at,
             quaternion=nearest_quat(found.attitude),
-            covariance=found.covariance,
-            budget=found.budget,
+            covariance=covariance,
+            budget=budget,
+            contradictions=contradictions,
             bound=bound,
             warnings=tuple(warnings),
             spec=found.spec,

@@ -19,7 +19,7 @@ from schuler.align.disturbance import (
 from schuler.align.fine import FinePass
 from schuler.align.history import History, inertial_to_local
 from schuler.align.inertial import MINIMUM_ROWS, solve
-from schuler.align.joint import joint
+from schuler.align.joint import Joint, joint
 from schuler.align.limit import Position
 from schuler.align.methods import Analytic, Auto, Fine, Gyrocompass, Inertial
 from schuler.align.uncertainty import (
@@ -33,11 +33,11 @@ from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.sensors import ImuSpec
 
-__all__ = ["Estimate", "estimate"]
+__all__ = ["QUIET", "Estimate", "estimate"]
 
 Array = NDArray[np.float64]
 
-_QUIET = 0.4
+QUIET = 0.4
 """Noise power, relative to the specification, that chance makes less than once in a thousand."""
 
 _QUIETEST = 0.01
@@ -71,6 +71,8 @@ class Estimate:
         What a filter said on its way.
     positions : tuple of Position
         The dwells, where there are several.
+    best : Joint or None
+        The optimal estimate, where it was made on the way.
     """
 
     method: Inertial | Analytic | Fine | Gyrocompass
@@ -84,6 +86,7 @@ class Estimate:
     why: str = ""
     passed: FinePass | None = None
     positions: tuple[Position, ...] = ()
+    best: Joint | None = None
 
     @property
     def covariance(self) -> Array:
@@ -110,7 +113,7 @@ def estimate(
         left = residual(h, site)
         if spec:
             ratio = noise_ratio(left, site.gravity, spec)
-            if ratio is not None and ratio < _QUIET:
+            if ratio is not None and ratio < QUIET:
                 spec = spec.with_white_noise(np.sqrt(max(ratio, _QUIETEST)))
     if isinstance(method, Auto):
         best = joint(h, site, spec)
@@ -153,5 +156,5 @@ def estimate(
     budget["disturbance"] = disturbance
     return Estimate(
         method, attitude, budget, orthonormality, ratio, spec, biases, bias_covariance, why,
-        positions=positions,
+        positions=positions, best=best,
     )  # fmt: skip

@@ -27,8 +27,17 @@ __all__ = ["AXES", "SCHEMA", "Alignment"]
 
 Array = NDArray[np.float64]
 
-SCHEMA = "schuler.alignment/1"
+SCHEMA = "schuler.alignment/2"
 AXES = ("east", "north", "up")
+
+NO_HEADING = 10.0
+"""Sigma (deg) above which a heading is none."""
+
+UNKNOWN = 60.0
+"""Sigma (deg) above which JSON has no heading."""
+
+STEEP = 89.0
+"""Pitch (deg) beyond which heading and roll are not defined singly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +64,8 @@ class Alignment(Shown):
         Cramér-Rao limit for that specification, latitude and time at rest, rad^2.
     warnings : tuple of str
         What a reader of the result must know.
+    contradictions : tuple of str
+        What the record shows and cannot be, said first: the result is not to be trusted.
     spec : ImuSpec or None
         The instrument that was assumed.
     orthonormality : float or None
@@ -96,6 +107,7 @@ class Alignment(Shown):
     summary: Summary = field(repr=False)
     why: str = ""
     passed: FinePass | None = field(default=None, repr=False)
+    contradictions: tuple[str, ...] = ()
     inputs: dict[str, str] = field(default_factory=dict, repr=False)
 
     def noting(self, warnings: Iterable[str], inputs: dict[str, str]) -> Alignment:
@@ -144,6 +156,24 @@ class Alignment(Shown):
         return np.asarray(np.sqrt(np.diag(self.covariance)) / ARCMIN)
 
     @property
+    def consistent(self) -> bool:
+        """Whether nothing in the record contradicts the result."""
+        return not self.contradictions
+
+    @property
+    def heading_sigma_arcmin(self) -> float:
+        """1-sigma of the printed heading, arcmin.
+
+        It is that of phi about up where the body is level; with a pitch theta the tilts enter by
+        tan(theta). No larger than that of an unknown angle, 104 deg.
+        """
+        psi, theta, _ = quat_to_euler(self.quaternion)
+        steep = np.tan(np.clip(theta, -1.5706, 1.5706))
+        # The forward axis (-sin psi cos theta, cos psi cos theta, sin theta) moves by -phi x it.
+        a = np.array([-np.sin(psi) * steep, np.cos(psi) * steep, -1.0])
+        return float(min(np.sqrt(a @ self.covariance @ a), np.pi / np.sqrt(3.0)) / ARCMIN)
+
+    @property
     def limit_arcmin(self) -> Array | None:
         """Cramér-Rao limit of phi, east, north, up, arcmin, (3,)."""
         return None if self.bound is None else np.asarray(np.sqrt(np.diag(self.bound)) / ARCMIN)
@@ -154,7 +184,10 @@ class Alignment(Shown):
         return {name: float(cov[2, 2]) / ARCMIN**2 for name, cov in self.budget.items()}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result with the keys of the JSON schema `schuler.alignment/1`."""
+        """Return the result with the keys of the JSON schema `schuler.alignment/2`.
+
+        The heading is null where its sigma is above 60 deg.
+        """
 
         def named(values: Array | None) -> dict[str, float] | None:
             if values is None:
@@ -167,8 +200,11 @@ class Alignment(Shown):
         from schuler.constants import DEG_PER_HOUR, MICRO_G
 
         sigma = None if self.bias_covariance is None else np.sqrt(np.diag(self.bias_covariance))
+        heading = None if self.heading_sigma_arcmin > UNKNOWN * 60.0 else self.heading_deg
         return {
             "schema": SCHEMA,
+            "consistent": self.consistent,
+            "contradictions": list(self.contradictions),
             "method": str(self.method),
             "time": {
                 "start": self.start,
@@ -176,7 +212,8 @@ class Alignment(Shown):
                 "duration_s": self.duration,
                 "samples": self.samples,
             },
-            "heading_deg": self.heading_deg,
+            "heading_deg": heading,
+            "heading_sigma_arcmin": self.heading_sigma_arcmin,
             "pitch_deg": self.pitch_deg,
             "roll_deg": self.roll_deg,
             "quaternion_wxyz": [float(v) for v in self.quaternion],
@@ -213,7 +250,25 @@ class Alignment(Shown):
         return out
 
     def headline(self) -> str:
-        """Return ``heading 269.40 deg ± 1.9' (limit 1.7'; 62 % gyro bias)``."""
+        """Return ``heading 269.40 deg ± 1.9' (limit 1.7'; 62 % gyro bias)``.
+
+        A contradiction comes first, after ``INCONSISTENT:``. A heading whose sigma is above 10 deg
+        is none: ``no heading (sigma 38 deg)``.
+        """
+        first = f"INCONSISTENT: {'; '.join(self.contradictions)}; " if self.contradictions else ""
+        return first + self._heading_text()
+
+    def _heading_text(self) -> str:
+        sigma = self.heading_sigma_arcmin
+        if sigma > NO_HEADING * 60.0:
+            return f"no heading (sigma {sigma / 60.0:.0f} deg)"
+        if abs(self.pitch_deg) > STEEP:
+            psi, _, gamma = (float(v) / DEG for v in quat_to_euler(self.quaternion))
+            turn = (gamma - psi if self.pitch_deg > 0 else -gamma - psi) % 360.0
+            return (
+                f"heading and roll are not defined singly at a pitch of {self.pitch_deg:.2f} deg; "
+                f"heading {'+' if self.pitch_deg > 0 else '-'} roll {turn:.3f} deg"
+            )
         inside = []
         bound = self.limit_arcmin
         if bound is not None:
@@ -224,7 +279,6 @@ class Alignment(Shown):
             name = max(shares, key=lambda k: shares[k])
             inside.append(f"{100 * shares[name] / total:.0f} % {name.replace('_', ' ')}")
         tail = f" ({'; '.join(inside)})" if inside else ""
-        sigma = self.sigma_arcmin[2]
         digits = max(0, 1 - int(np.floor(np.log10(max(sigma, 1e-3)))))
         return f"heading {self.heading_deg:.3f} deg ± {sigma:.{digits}f}'{tail}"
 
