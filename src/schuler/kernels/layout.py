@@ -155,8 +155,8 @@ INTAKE = {
         ),
     ),
     "intake_nominal": ArrayLayout(((1, 1),), (Entries(0, 0, 0.0, 1e10),)),
-    "intake_times": ArrayLayout(((0, 65536),), (Entries(0, 65535, -1e12, 1e12),)),
-    "intake_rows": ArrayLayout(((0, 65536), (6, 6)), (Entries(0, 5, -_VALUE, _VALUE),)),
+    "intake_times": ArrayLayout(((0, 255),), (Entries(0, 254, -1e12, 1e12),)),
+    "intake_rows": ArrayLayout(((0, 255), (6, 6)), (Entries(0, 5, -_VALUE, _VALUE),)),
 }  # fmt: skip
 
 
