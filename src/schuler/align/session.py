@@ -30,6 +30,9 @@ __all__ = ["LiveSession", "Outcome", "SpanFix"]
 _CONTRADICTS = 4.0
 """Sigmas of the difference between two spans' headings."""
 
+_TELLS = 10.0
+"""Sigma of the heading beyond which a span tells nothing of north, deg."""
+
 
 @dataclass(frozen=True)
 class SpanFix:
@@ -322,13 +325,17 @@ class LiveSession:
             out.append("the alignment is not consistent with its own uncertainty")
         if before is None:
             return out
-        if self._refused is not None:
+        last = None if self._refused is not None else newest.solution()
+        why = str(self._refused)
+        if last is not None and last.sigma_arcmin[2] > 60.0 * _TELLS:
+            why = f"too few: sigma of the heading is {last.sigma_arcmin[2] / 60:.0f} deg"
+            last = None
+        if last is None:
             out.append(
                 f"the result is that of span {self._best.span}; the {newest.samples} samples that "
-                f"came last, span {self.spans}, could not be aligned ({self._refused})"
+                f"came last, span {self.spans}, could not be aligned ({why})"
             )
             return out
-        last = newest.solution()
         other = before.alignment
         off = (last.heading_deg - other.heading_deg + 180.0) % 360.0 - 180.0
         sigma = float(np.hypot(last.sigma_arcmin[2], other.sigma_arcmin[2])) / 60.0

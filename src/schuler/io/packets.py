@@ -210,11 +210,10 @@ class PacketParser:
 
     def datagram(self, data: bytes) -> list[Packet]:
         """Return the samples of a datagram: whole frames and lines, the last with no line end."""
-        samples, rest = self._cut(data)
-        if rest and _BEGIN.match(rest):
+        samples, rest = self._cut(data + b"\n")
+        if rest:
+            # A frame has begun that does not end.
             self.counts["malformed"] += 1
-        elif rest:
-            samples += self._lines(rest + b"\n")[0]
         return samples
 
     def _cut(self, data: bytes) -> tuple[list[Packet], bytes]:

@@ -300,11 +300,18 @@ class Streams:
 
     def _drop(self) -> None:
         """Drop the candidates: the stream goes on."""
-        if not self._candidates:
+        if not self._candidates or self.stream is None:
             return
+        key = self.stream.key
         for candidate in self._candidates:
-            self.counts += candidate.reasons
             source = candidate.key[0]
+            early = candidate.reasons["unconfirmed"]
+            if early and candidate.key[3] <= key[3]:
+                # It came before there was a stream to tell it from.
+                del candidate.reasons["unconfirmed"]
+                same = "wrong_number" if candidate.key == key else "other_kind"
+                candidate.reasons["foreign" if source != key[0] else same] += early
+            self.counts += candidate.reasons
             if not candidate.reasons["foreign"] or source in self._ignored:
                 continue
             # A flood of senders is not a flood of notes.
@@ -358,11 +365,7 @@ class Streams:
             text = f"the source {old.key[0]} is silent, and samples{where} are taken in its place"
         elif kind != old.key[2]:
             text = f"the sender sends {kind} now, in place of {old.key[2]}"
-        elif (
-            run != old.key[3]
-            or number <= old.line.number - WINDOW
-            or (number <= old.line.number and old.line.fits(number, first.time))
-        ):
+        elif run != old.key[3] or number <= old.line.number - WINDOW or number in old.seen:
             text = f"the sender restarted, at number {raw}"
         elif on_line:
             text = f"no sample came for {gap:.4g} s"
