@@ -367,7 +367,7 @@ def test_only_rubbish_came_and_is_told_by_reason(feed, items):
     feed.burst([b"hello", frame(items[0])[:-1] + b"\x00", frame((5, math.nan, (0.0,) * 6))])
     feed.burst([frame(items[0])])
     with pytest.raises(InputError, match=r"1 with a wrong checksum, 1 that are no sample, "
-                       r"1 with a value that is not finite, 1 too few to tell"):  # fmt: skip
+                       r"1 with a value that is not finite, 1 in no stream"):  # fmt: skip
         feed.end()
 
 

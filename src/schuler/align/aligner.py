@@ -187,16 +187,13 @@ class Aligner:
         InputError
             If the arrays are not those of this version's aligner, or contradict one another.
         """
-        from schuler.kernels.layout import LayoutError, check_summary, check_tracker
+        from schuler.kernels.layout import LayoutError, check_aligner
 
         try:
-            check_tracker(arrays)
-            check_summary(arrays)
+            check_aligner(arrays)
         except LayoutError as error:
             raise InputError(f"the saved state of an aligner is damaged: {error}") from None
         nodes = arrays["tracker_nodes"]
-        if arrays["summary"][2] != arrays["tracker"][41]:
-            raise InputError("the saved state of an aligner is damaged: two counts of samples")
         self._state[:] = arrays["tracker"]
         self._nodes[: len(nodes)] = nodes
         self._tail = (arrays["tracker_tail"][0], arrays["tracker_tail"][1])

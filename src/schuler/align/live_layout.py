@@ -14,10 +14,9 @@ from schuler.kernels.layout import (
     ArrayLayout,
     Entries,
     LayoutError,
+    check_aligner,
     check_arrays,
     check_intake,
-    check_summary,
-    check_tracker,
 )
 
 __all__ = ["LayoutError", "check_state"]
@@ -53,13 +52,10 @@ def check_state(arrays: Mapping[str, Array], depth: int) -> None:
         Saying which array breaks the layout, and where.
     """
     check_intake(arrays)
-    check_tracker(arrays)
-    check_summary(arrays)
+    check_aligner(arrays)
     check_arrays(arrays, _LAYOUT)
     held, before, expected = arrays["held"], arrays["before"], arrays["order"][0]
     samples, last = arrays["tracker"][41], float(arrays["intake"][3])
-    if samples != arrays["summary"][2]:
-        raise LayoutError("two counts of samples differ")
     numbers = held[:, 0]
     if len(held) > depth or len(np.unique(numbers)) < len(held):
         raise LayoutError("array 'held' has more samples than are held, or one twice")

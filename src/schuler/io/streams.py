@@ -47,7 +47,7 @@ REASONS = {
     "wrong_time": "whose time contradicts their number",
     "replayed": "of a run that is over",
     "out_of_range": "beyond any instrument",
-    "unconfirmed": "too few to tell a stream",
+    "unconfirmed": "in no stream of numbers and times in step",
 }
 
 Key = tuple[str | None, str, str, int]

@@ -14,10 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.constants import EARTH_RATE
 from schuler.kernels import blocks, intake, tracking
 
-__all__ = ["ArrayLayout", "Entries", "LayoutError", "check_arrays", "check_intake",
-           "check_summary", "check_tracker"]  # fmt: skip
+__all__ = ["ArrayLayout", "Entries", "LayoutError", "check_aligner", "check_arrays",
+           "check_intake", "check_summary", "check_tracker"]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -211,11 +212,19 @@ def check_tracker(arrays: Mapping[str, Array]) -> None:
     _require(np.array_equal(nodes[0], first), "array 'tracker_nodes' does not begin at rest")
     rows = np.vstack([nodes, np.concatenate([s[: tracking.PLAIN], s[76:80]])])
     if s[75] == 0.0:
-        _require(np.array_equal(rows[-2, :30], rows[-1, :30]), "the last node is not the state's")
+        # Samples that wait are in the plain sums of the state only.
+        same = np.arange(tracking.ROW)
+        same = same[(same < 30) | (same >= tracking.PLAIN) | (s[48] == 0.0)]
+        _require(np.array_equal(rows[-2, same], rows[-1, same]), "the last node is not the state")
         rows = rows[:-1]
     length = np.linalg.norm(rows[:, 2:6], axis=1)
     _require(np.all(np.abs(length - 1.0) < UNIT), "an attitude is not a unit quaternion")
-    _check_sums(rows, s, float(arrays["tracker_setting"][0]))
+    end = float(tail[0, -1] - s[40]) if tail.shape[1] else 0.0
+    _check_sums(rows, end)
+    _require(np.all(np.abs(s[42:45]) <= RATE), "the last angle increment is beyond any instrument")
+    _require(np.all(np.abs(s[45:48]) <= FORCE), "the last velocity increment is too large")
+    waits = np.abs(s[49 : 49 + 6 * int(s[48])].reshape(-1, 2, 3)).max(axis=(0, 2), initial=0.0)
+    _require(waits[0] <= RATE and waits[1] <= FORCE, "a sample that waits is too large")
     waiting = int(s[48])
     taken = min(4.0, float(s[41]))
     _require(
@@ -228,33 +237,77 @@ def check_tracker(arrays: Mapping[str, Array]) -> None:
         _require(off <= 1e-9 * (1.0 + abs(s[40]) + s[0]), "'tracker_tail' ends at another time")
 
 
-def _check_sums(rows: Array, s: Array, n_sub: float) -> None:
-    """Check that cumulative rows (k, 44) grow no faster than an instrument lets them."""
-    t, n = rows[:, 0], rows[:, 1]
-    _require(np.all(np.diff(t) > 0) and np.all(np.diff(n) > 0), "times of nodes do not increase")
-    growing = rows[:, [24, 27, 29, 36, 37, 38, 39]]
-    _require(np.all(np.diff(growing, axis=0) >= -1e-9 * (1.0 + growing[1:])), "a sum shrinks")
-    # One second on top: samples that wait are in the plain sums already, before their update.
-    span = t + 1.0
-    count = n + 1.0
-    velocity = FORCE * span
+def _check_sums(rows: Array, end: float) -> None:
+    """Check that cumulative rows (k, 44) grow as the samples between them let them.
+
+    Over m updates that last T, attitude and velocity change by no more than the root of the sum of
+    squared rates and forces times T; each sum changes by m times its term, but for that much.
+
+    Parameters
+    ----------
+    rows : (k, 44) float64
+        Nodes, and the state's own sums where it is no node.
+    end : float
+        Time of the last sample since the start, s; samples may wait for their update.
+    """
+    if len(rows) < 2:
+        return
+    t, step = rows[:-1, 0], np.diff(rows, axis=0)
+    last = rows[:-1]
+    m, span = step[:, 1], step[:, 0]
+    _require(np.all(span > 0) and np.all(m > 0), "times of nodes do not increase")
+    _require(np.all(step[:, [24, 27, 29, 36, 37, 38, 39]] >= 0), "a sum of squares shrinks")
+    _require(
+        np.all(step[:, 37] <= 4.0 * (m + 1.0) * RATE**2)
+        and np.all(step[:, 39] <= 4.0 * (m + 1.0) * FORCE**2)
+        # Each is no more than the root of its square's sum, times the root of how many.
+        and np.all(step[:, 36] ** 2 <= 1.01 * (4.0 * m + 4.0) * step[:, 37])
+        and np.all(step[:, 38] ** 2 <= 1.01 * (4.0 * m + 4.0) * step[:, 39]),
+        "sums of rates are beyond any instrument",
+    )
+    whole = span.copy()
+    whole[-1] = max(span[-1], end - t[-1])
+    turn, push = (np.sqrt(step[:, c]) * whole for c in (37, 39))
+    speed = np.abs(last[:, 6:9]).max(axis=1)
+    # Coning and sculling corrections, and the rotation inside an update, are small parts of it.
+    slack = 2.0
+    late = rows[1:, 0]
     bounds = (
-        (slice(6, 9), velocity), (slice(9, 12), count * velocity), (slice(12, 15), count * span),
-        (slice(15, 24), count * span * velocity), (slice(24, 30), count * span**2),
-        (slice(30, 33), RATE * span), (slice(33, 36), velocity),
-        (slice(36, 37), n_sub * count * RATE), (slice(37, 38), n_sub * count * RATE**2),
-        (slice(38, 39), n_sub * count * FORCE), (slice(39, 40), n_sub * count * FORCE**2),
-        (slice(40, 44), count),
+        (slice(2, 6), 0.0, turn), (slice(6, 9), 0.0, push),
+        (slice(9, 12), m[:, None] * last[:, 6:9], m * push),
+        (slice(12, 15), 0.0, m * late), (slice(15, 24), 0.0, m * late * (speed + push)),
+        (slice(24, 30), 0.0, m * late**2),
+        (slice(30, 33), 0.0, turn), (slice(33, 36), 0.0, push),
+        (slice(40, 44), m[:, None] * last[:, 2:6], m * turn),
     )  # fmt: skip
-    for columns, bound in bounds:
+    for columns, expected, bound in bounds:
+        off = np.abs(step[:, columns] - expected)
+        # The last term is rounding of what was summed before.
+        most = slack * bound[:, None] + 1e-9 * (1.0 + np.abs(rows[1:, columns]))
         _require(
-            np.all(np.abs(rows[:, columns]) <= bound[:, None]),
-            f"sums {columns.start} to {columns.stop - 1} are beyond any instrument",
+            np.all(off <= most),
+            f"entries {columns.start} to {columns.stop - 1} of the tracker change faster than its "
+            "samples let them",
         )
-    _require(np.all(np.abs(s[42:45]) <= RATE), "the last angle increment is beyond any instrument")
-    _require(np.all(np.abs(s[45:48]) <= FORCE), "the last velocity increment is too large")
-    waits = np.abs(s[49 : 49 + 6 * int(s[48])].reshape(-1, 2, 3)).max(axis=(0, 2), initial=0.0)
-    _require(waits[0] <= RATE and waits[1] <= FORCE, "a sample that waits is too large")
+    # The sums that hold no measurement can be told from the times alone.
+    b = np.stack(
+        [np.sin(EARTH_RATE * rows[:, 0]) / EARTH_RATE,
+         2.0 * np.sin(0.5 * EARTH_RATE * rows[:, 0]) ** 2 / EARTH_RATE, rows[:, 0]], axis=1,
+    )  # fmt: skip
+    off = np.abs(step[:, 12:15] - m[:, None] * b[:-1])
+    _require(np.all(off <= 1.01 * (m * span)[:, None] + 1e-6), "sums of gravity fit no times")
+    low, high = b[:-1], b[1:]
+    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    for column, (i, j) in enumerate(pairs, 24):
+        most = m * span * (np.abs(high[:, i]) + np.abs(high[:, j]) + 2.0 * span) + 1e-6
+        off = np.abs(step[:, column] - m * low[:, i] * low[:, j])
+        _require(np.all(off <= 1.01 * most), "sums of products of gravity fit no times")
+    for i in range(3):
+        for j in range(3):
+            v = last[:, 6 + j]
+            most = m * (np.abs(low[:, i]) * slack * push + span * (np.abs(v) + slack * push)) + 1e-6
+            off = np.abs(step[:, 15 + 3 * i + j] - m * low[:, i] * v)
+            _require(np.all(off <= 1.01 * most), "sums of gravity and velocity fit no times")
 
 
 def check_summary(arrays: Mapping[str, Array]) -> None:
@@ -296,6 +349,33 @@ def check_summary(arrays: Mapping[str, Array]) -> None:
         and np.all(slack * used[:, 11] >= count * used[:, 14]),
         "array 'summary_table' has sums that its extremes do not allow",
     )
+
+
+def check_aligner(arrays: Mapping[str, Array]) -> None:
+    """Check the saved state of an aligner: that of its tracker and that of its summary.
+
+    Raises
+    ------
+    LayoutError
+        If either breaks its layout, or they were not made of the same samples.
+    """
+    check_tracker(arrays)
+    check_summary(arrays)
+    s, total = arrays["tracker"], arrays["summary_table"].sum(axis=0)
+    _require(s[41] == arrays["summary"][2], "two counts of samples differ")
+    if s[41] == 0.0:
+        return
+    # The same sums, in another order.
+    interval = total[1] / s[41]
+    for mine, other, scale in (
+        (s[30:33], total[3:6], s[36] * interval), (s[33:36], total[6:9], s[38] * interval),
+        (s[37:40], total[9:12][[0, 2, 1]], s[37:40]),
+    ):  # fmt: skip
+        off = np.abs(mine - other)
+        _require(np.all(off <= 1e-6 * scale + 1e-12), "tracker and summary sum other samples")
+    # The end of the last stretch, and of the last sample.
+    used = arrays["summary_table"][arrays["summary_table"][:, 2] > 0.0]
+    _require(used[-1, 0] == arrays["tracker_tail"][0, -1], "tracker and summary end apart")
 
 
 def check_intake(arrays: Mapping[str, Array]) -> None:
