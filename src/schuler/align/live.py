@@ -238,7 +238,7 @@ class LiveAligner:
                 )
         more = meta.get("more")
         try:
-            check_state(arrays, self.order.depth)
+            check_state(arrays, self.order.depth, self.intake.kind)
         except LayoutError as error:
             raise InputError(f"{path}: is damaged ({error})") from None
         if not isinstance(more, dict):

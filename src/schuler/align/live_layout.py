@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.io.packets import LARGEST_TIME
+from schuler.io.packets import LARGEST_FORCE, LARGEST_RATE, LARGEST_TIME
 from schuler.kernels.intake import LARGEST
 from schuler.kernels.layout import (
     COUNT,
@@ -37,7 +37,11 @@ _LAYOUT = {
 }
 
 
-def check_state(arrays: Mapping[str, Array], depth: int) -> None:
+_OVERSHOOT = 4.0
+"""Interpolation may go so many times beyond its neighbours."""
+
+
+def check_state(arrays: Mapping[str, Array], depth: int, kind: str) -> None:
     """Check the arrays of a saved state, each alone and against one another.
 
     Parameters
@@ -45,6 +49,8 @@ def check_state(arrays: Mapping[str, Array], depth: int) -> None:
     arrays : dict of str to array
     depth : int
         Samples that may be held.
+    kind : {"rates", "mean-rates", "increments"}
+        What the values of samples are.
 
     Raises
     ------
@@ -71,3 +77,21 @@ def check_state(arrays: Mapping[str, Array], depth: int) -> None:
         raise LayoutError("the arrays end at different times")
     if not arrays["intake_nominal"][0] and samples:
         raise LayoutError("array 'tracker' has samples that the intake did not give")
+    _check_samples(arrays, kind)
+
+
+def _check_samples(arrays: Mapping[str, Array], kind: str) -> None:
+    """Check that samples that are not aligned yet are those of a stationary vehicle."""
+    most = _OVERSHOOT
+    if kind == "increments":
+        times = np.concatenate([arrays["intake_times"], np.sort(arrays["held"][:, 1])])
+        nominal = float(arrays["intake_nominal"][0])
+        if not nominal and len(times) < 2:
+            return
+        most *= nominal or float(np.median(np.abs(np.diff(times))))
+    last = arrays["intake"][5:17].reshape(2, 6)
+    rows = np.vstack([arrays["held"][:, 2:], arrays["before"][:, 2:], arrays["intake_rows"], last])
+    if np.any(np.abs(rows[:, :3]) > most * LARGEST_RATE) or np.any(
+        np.abs(rows[:, 3:]) > most * LARGEST_FORCE
+    ):
+        raise LayoutError("a sample has a value that no stationary vehicle gives")

@@ -65,8 +65,9 @@ _BEGIN = re.compile(rb"SC[\x01\x02]")
 
 _LONGEST_LINE = 4096
 
-LARGEST_RATE, LARGEST_FORCE, LARGEST_TIME = 100.0, 1e4, 1e12
-"""Beyond an instrument on a stationary vehicle (rad/s, m/s^2) and any clock (s)."""
+LARGEST_RATE, LARGEST_FORCE, LARGEST_TIME = 10.0, 1e3, 1e12
+"""More than a stationary vehicle, with its engine and its crew, ever gives (rad/s, m/s^2; 570
+deg/s and 100 g), and than any clock (s)."""
 
 _LEAST_KEY, _LONGEST_KEY = 16, 4096
 
@@ -75,7 +76,7 @@ REASONS = {
     "checksum": "with a wrong checksum",
     "malformed": "that are no sample",
     "not_finite": "with a value that is not finite",
-    "out_of_range": "beyond any instrument",
+    "out_of_range": "with a value that no stationary vehicle gives",
     "unauthenticated": "without the key's tag",
     "unverified": "with a tag, and no key to check it (--key-file)",
 }

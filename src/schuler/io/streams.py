@@ -46,7 +46,7 @@ REASONS = {
     "wrong_number": "with a number far off",
     "wrong_time": "whose time contradicts their number",
     "replayed": "of a run that is over",
-    "out_of_range": "beyond any instrument",
+    "out_of_range": "with a value that no stationary vehicle gives",
     "unconfirmed": "in no stream of numbers and times in step",
 }
 

@@ -194,7 +194,7 @@ def check_tracker(arrays: Mapping[str, Array]) -> None:
     start = np.zeros(tracking.STATE_SIZE)
     start[2] = start[74] = 1.0
     if s[41] == 0.0:
-        empty = not len(nodes) and not tail.shape[1] and np.array_equal(s, start)
+        empty = not len(nodes) and not tail.size and not n_sub and np.array_equal(s, start)
         _require(empty, "array 'tracker' has no samples and yet sums of samples")
         return
     _require(n_sub >= 1, "array 'tracker_setting' has no samples to an update")
