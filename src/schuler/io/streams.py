@@ -16,15 +16,19 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from schuler.errors import InputError
+from schuler.io.number_line import (
+    LONGEST,
+    PERIOD,
+    SHORTEST,
+    STRETCH,
+    WINDOW,
+    Line,
+    robust_line,
+    unwrap,
+)
 from schuler.io.packets import KINDS, LARGEST_FORCE, LARGEST_RATE, LARGEST_TIME, Packet
 
 __all__ = ["Change", "Part", "Streams"]
-
-WINDOW = 256
-"""Numbers around the last one that a sample of the stream may have."""
-
-STRETCH = 16
-"""Samples on one line that make a stream."""
 
 ENOUGH = 256
 """Samples of another stream that replace a silent one where no clock tells the silence."""
@@ -35,10 +39,6 @@ SILENCE = 2.0
 _CANDIDATES = 32
 _HELD = 8192
 _SEEN = 4 * WINDOW
-_PERIOD = 1 << 32
-_SHORTEST, _LONGEST = 1e-6, 100.0
-"""Sampling intervals that are looked for, s."""
-
 #: why a sample was left out -> what is said of it
 REASONS = {
     "foreign": "of another source",
@@ -54,39 +54,6 @@ Key = tuple[str | None, str, str, int]
 
 
 @dataclass
-class Line:
-    """Time as a line in the number, followed sample by sample."""
-
-    number: int = 0
-    time: float = 0.0
-    interval: float = 0.0
-    points: deque[tuple[int, float]] = field(default_factory=lambda: deque(maxlen=WINDOW))
-
-    def fits(self, number: int, time: float) -> bool:
-        """Say whether a sample lies on the line."""
-        numbers, seconds = number - self.number, time - self.time
-        if not self.interval:
-            return numbers != 0 and _SHORTEST <= seconds / numbers <= _LONGEST
-        # Time stamps jitter by some intervals; the slope of a short line is not known well.
-        slack = 4.0 + (0.25 if len(self.points) < STRETCH else 1e-3) * abs(numbers)
-        return abs(seconds - self.interval * numbers) <= slack * self.interval
-
-    def take(self, number: int, time: float) -> None:
-        """Take a sample that fits."""
-        if not self.points and not self.interval:
-            self.number, self.time = number, time
-        elif not self.interval:
-            self.interval = (time - self.time) / (number - self.number)
-        self.points.append((number, time))
-        (n0, t0), (n1, t1) = self.points[0], self.points[-1]
-        if n1 - n0 >= len(self.points) // 2 > 0 and t1 > t0:
-            self.interval = (t1 - t0) / (n1 - n0)
-        if number > self.number:
-            predicted = self.time + self.interval * (number - self.number)
-            self.number, self.time = number, predicted + 0.25 * (time - predicted)
-
-
-@dataclass
 class Stream:
     """Samples on one line, of one source, form, kind and run."""
 
@@ -94,13 +61,13 @@ class Stream:
     line: Line = field(default_factory=Line)
     last: float = float("-inf")
     count: int = 0
-    held: deque[Packet] = field(default_factory=lambda: deque(maxlen=_HELD))
+    held: deque[tuple[Packet, str]] = field(default_factory=lambda: deque(maxlen=_HELD))
     reasons: Counter[str] = field(default_factory=Counter)
     seen: dict[int, int] = field(default_factory=dict)
 
     def unwrap(self, number: int) -> int:
         """Return a number of 32 bits as the one nearest to the stream's last."""
-        return _unwrap(number, self.line.number)
+        return unwrap(number, self.line.number)
 
     def take(self, packet: Packet) -> None:
         """Take a sample that fits, its number unwrapped."""
@@ -120,12 +87,6 @@ class Stream:
             max(map(abs, packet.values[:3])) <= LARGEST_RATE * most
             and max(map(abs, packet.values[3:])) <= LARGEST_FORCE * most
         )
-
-
-def _unwrap(number: int, near: int) -> int:
-    if number >= _PERIOD:
-        return number
-    return number + _PERIOD * max(0, round((near - number) / _PERIOD))
 
 
 @dataclass(frozen=True)
@@ -255,7 +216,7 @@ class Streams:
         if not stream.possible(packet):
             self.counts["out_of_range"] += 1
             return None
-        if number // _PERIOD > top // _PERIOD:
+        if number // PERIOD > top // PERIOD:
             self.notes.append("the sender's numbers wrapped at 2^32 and go on from 0")
         packet = packet._replace(number=number)
         stream.take(packet)
@@ -286,7 +247,7 @@ class Streams:
         else:
             candidate = Stream(key)
             near_to = self.stream.line.number if self.stream is not None else 0
-            number = _unwrap(packet.number, near_to)
+            number = unwrap(packet.number, near_to)
             self._candidates.append(candidate)
             if len(self._candidates) > _CANDIDATES:
                 # The one with the fewest samples; of several the oldest.
@@ -295,7 +256,7 @@ class Streams:
                 self.counts += weakest.reasons
         packet = packet._replace(number=number)
         candidate.take(packet)
-        candidate.held.append(packet)
+        candidate.held.append((packet, reason))
         candidate.reasons[reason] += 1
 
     def _drop(self) -> None:
@@ -334,19 +295,49 @@ class Streams:
             silent = by_count if now is None else now - self._heard >= SILENCE
             if not silent:
                 return None
-        self._candidates.remove(best)
-        samples = sorted(best.held)
-        change = self._change(best, samples[0])
-        before, self.stream = self.stream, best
-        kept = [p for p in samples if best.possible(p)]
+        # A candidate that found no line is not tried with each sample again.
+        if best.count > WINDOW and best.count % WINDOW and not ending:
+            return None
+        found = self._gather(best)
+        if found is None:
+            return None
+        stream, samples = found
+        change = self._change(stream, samples[0])
+        before, self.stream = self.stream, stream
+        kept = [p for p in samples if stream.possible(p)]
         self.counts["out_of_range"] += len(samples) - len(kept)
-        best.held.clear()
-        best.reasons.clear()
         if before is not None and change.continues:
-            best.seen = {**before.seen, **best.seen}
+            stream.seen = {**before.seen, **stream.seen}
         self._heard = float("-inf") if now is None else now
         self._drop()
         return Part(kept, change)
+
+    def _gather(self, best: Stream) -> tuple[Stream, list[Packet]] | None:
+        """Return the stream that most samples of a candidate make, with those of the others on it.
+
+        The first samples may have been sorted to a forged one: what counts is the line that is
+        found with all of them at hand.
+        """
+        line = robust_line([packet for packet, _ in best.held])
+        if line is None:
+            return None
+        stream = Stream(best.key, line)
+        on_line: dict[int, Packet] = {}
+        for candidate in (best, *self._candidates):
+            if candidate.key == best.key:
+                for packet, _ in candidate.held:
+                    if line.fits(packet.number, packet.time):
+                        on_line.setdefault(packet.number, packet)
+        if len(on_line) < STRETCH:
+            return None
+        for candidate in self._candidates:
+            for packet, reason in candidate.held:
+                if on_line.get(packet.number) is packet:
+                    candidate.reasons[reason] -= 1
+        samples = [on_line[number] for number in sorted(on_line)]
+        for packet in samples:
+            stream.take(packet)
+        return stream, samples
 
     def _change(self, new: Stream, first: Packet) -> Change:
         source, form, kind, run = new.key
@@ -360,7 +351,7 @@ class Streams:
         on_line = number > old.line.number and old.line.fits(number, first.time)
         same = (kind, run) == old.key[2:]
         continues = same and on_line and 0.0 < gap <= self.max_gap
-        raw = number % _PERIOD
+        raw = number % PERIOD
         if source != old.key[0]:
             text = f"the source {old.key[0]} is silent, and samples{where} are taken in its place"
         elif kind != old.key[2]:
@@ -408,7 +399,7 @@ class Streams:
                 and type(said["number"]) is int
                 and 0 <= said["number"] < 2**53
                 and all(abs(v) <= 2.0 * LARGEST_TIME for v in numbers)
-                and _SHORTEST <= numbers[1] <= _LONGEST
+                and SHORTEST <= numbers[1] <= LONGEST
             )
         except (TypeError, KeyError, ValueError, OverflowError):
             holds = False
@@ -416,8 +407,5 @@ class Streams:
             raise InputError("does not say which stream it follows; start anew with another file")
         stream = Stream((source, form, kind, run), last=numbers[2], count=STRETCH)
         stream.line = Line(said["number"], numbers[0], numbers[1])
-        # The slope is known: it was that of a stretch.
-        for k in range(STRETCH):
-            before = k - STRETCH + 1
-            stream.line.points.append((said["number"] + before, numbers[0] + before * numbers[1]))
+        stream.line.settle()
         self.stream = stream
