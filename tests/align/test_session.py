@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 
 import numpy as np
 import pytest
@@ -440,3 +441,38 @@ def test_a_cold_start_keeps_the_refused_file(items, tmp_path):
     assert (tmp_path / "state.npz.refused").read_bytes() == b"my own data 0"
     assert (tmp_path / "state.npz.refused-2").read_bytes() == b"my own data 1"
     assert (tmp_path / "state.npz.refused-3").read_bytes() == b"my own data 2"
+
+
+def test_a_device_is_no_checkpoint_and_stays(tmp_path):
+    pipe = tmp_path / "state.npz"
+    os.mkfifo(pipe)
+    for cold in (False, True):
+        with pytest.raises(InputError, match="not a regular file"):
+            make_session(checkpoint=pipe, cold_start=cold)
+    assert pipe.is_fifo()
+
+
+def test_a_file_that_is_read_again_after_a_resumption_is_recognised(items, tmp_path):
+    path = tmp_path / "state.npz"
+    data = [frame(item) for item in items]
+    first = make_session(checkpoint=path)
+    first.feed(b"".join(data[:1200]))
+    first.save()
+    second = make_session(checkpoint=path)
+    second.feed(b"".join(data))
+    outcome = second.finish()
+    assert outcome.spans == 1
+    assert outcome.best.alignment.samples == len(items)
+    assert second.counts()["late"] + second.counts()["repeated"] >= 1190
+
+
+def test_another_run_in_a_pipe_after_a_resumption_is_a_span(items, tmp_path):
+    path = tmp_path / "state.npz"
+    first = make_session(checkpoint=path)
+    first.feed(b"".join(map(frame, items[:1200])))
+    first.save()
+    second = make_session(checkpoint=path)
+    second.feed(b"".join(frame((n, t, (*v[:5], v[5] + 1e-9))) for n, t, v in items))
+    outcome = second.finish()
+    assert (outcome.best.span, outcome.spans) == (2, 2)
+    assert outcome.best.alignment.samples == len(items)

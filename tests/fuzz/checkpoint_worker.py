@@ -19,7 +19,7 @@ import numpy as np
 from schuler.errors import InputError
 from tests.align.live_tools import SENDER, Feed, frame, make_samples, make_session, right
 
-STAGES = (10, 200, 700, 2500)
+STAGES = (10, 200, 700, 1200)
 """Samples before the state is saved: held, waiting for their rate, aligned, and thinned out."""
 
 VALUES = (
@@ -170,7 +170,7 @@ def run_case(case: int, folder: Path, items, states) -> str:
 
 def main(folder: Path, first: int, last: int) -> None:
     """Run the cases from `first` up to `last`."""
-    items = make_samples()
+    items = make_samples(30.0)
     states = make_states(folder, items)
     for case in range(first, last):
         print(json.dumps({"case": case}), flush=True)

@@ -26,9 +26,15 @@ def shaken(rng, n, rate, size, jitter=0.0, holes=0):
 @pytest.mark.parametrize("subsamples", [1, 2, 3, 4])
 @pytest.mark.parametrize(
     ("n", "rate", "size", "jitter", "holes"),
-    [(0, 1.0, 0.0, 0.0, 0), (1, 50.0, 0.1, 0.0, 0), (3, 50.0, 0.1, 0.0, 0), (90, 1e3, 3.0, 0.3, 2),
-     (9001, 200.0, 1e-4, 0.0, 0), (9002, 200.0, 20.0, 0.4, 30), (20_003, 1.0, 0.01, 0.2, 5),
-     (20_000, 0.5, 0.0, 0.0, 0)],
+    [
+        (0, 1.0, 0.0, 0.0, 0), (1, 50.0, 0.1, 0.0, 0), (3, 50.0, 0.1, 0.0, 0),
+        (90, 1e3, 3.0, 0.3, 2),
+        # Enough for nodes, and for stretches of a second, to be thinned out.
+        pytest.param(9001, 200.0, 1e-4, 0.0, 0, marks=pytest.mark.compiled),
+        pytest.param(9002, 200.0, 20.0, 0.4, 30, marks=pytest.mark.compiled),
+        pytest.param(20_003, 1.0, 0.01, 0.2, 5, marks=pytest.mark.compiled),
+        pytest.param(20_000, 0.5, 0.0, 0.0, 0, marks=pytest.mark.compiled),
+    ],
 )  # fmt: skip
 def test_whatever_an_aligner_gives_is_taken(rng, subsamples, n, rate, size, jitter, holes):
     aligner = Aligner(SITE, Inertial(subsamples=subsamples))

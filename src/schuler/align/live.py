@@ -124,6 +124,10 @@ class LiveAligner:
         """Number of the next sample that is expected."""
         return self.order.expected
 
+    def recent(self) -> list[Sample]:
+        """Return the last samples in order and those that are held."""
+        return [*self._before, *self.order.held.values()]
+
     def push(self, samples: Iterable[Sequence[Any]]) -> None:
         """Take samples as they came: number, time (s) and six values (SI, body axes) each.
 

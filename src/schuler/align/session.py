@@ -8,6 +8,7 @@ disk, ends a session.
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ import numpy as np
 from schuler.align.checkpoint import read_checkpoint
 from schuler.align.live import LiveAligner
 from schuler.align.result import Alignment
+from schuler.constants import EARTH_RATE
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.io.packets import KINDS, PacketParser
@@ -129,7 +131,7 @@ class LiveSession:
         self._counted = True
         self.spans = 0
         self.packets = 0
-        if self._checkpoint is not None and self._checkpoint.exists():
+        if self._checkpoint is not None and os.path.lexists(self._checkpoint):
             self._resume(self._checkpoint, cold_start)
 
     def _aligner(self, kind: str) -> LiveAligner:
@@ -141,10 +143,14 @@ class LiveSession:
             live = self._aligner(kind if kind in KINDS else self._live.intake.kind)
             more = live.load(path)
             try:
-                self._streams.resume(more.get("stream"))
+                self._streams.resume(more.get("stream"), live.recent())
             except InputError as error:
                 raise InputError(f"{path}: {error}") from None
         except InputError as error:
+            # A device or a pipe is not put aside: it is not the file of a state.
+            path = path.resolve()
+            if cold_start and path.exists() and not path.is_file():
+                raise
             if not cold_start:
                 raise InputError(
                     f"{error}; --cold-start begins anew and keeps the file under another name"
@@ -161,6 +167,23 @@ class LiveSession:
         self._live, self._counted = live, False
         self.spans = 1
         self._notes.append(f"resumed from {path}, after {live.samples} samples")
+
+    def warm_up(self) -> None:
+        """Compile or load all that an alignment needs, before samples come that would be lost."""
+        aligner = self._aligner("increments")
+        step, gravity = 0.01, self._site.gravity
+        level, up = (
+            EARTH_RATE * np.cos(self._site.latitude),
+            EARTH_RATE * np.sin(self._site.latitude),
+        )
+        values = (0.0, step * level, step * up, 0.0, 0.0, step * gravity)
+        aligner.push((k, step * k, values) for k in range(600))
+        try:
+            aligner.finish()
+            aligner.solution()
+        except InputError:
+            # So short a stretch may tell the method nothing.
+            return
 
     # -- samples -----------------------------------------------------------------------
 

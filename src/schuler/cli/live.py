@@ -105,13 +105,15 @@ def command(**options: Any) -> int:
     sender = None if options["sender"] is None else check_sender(options["sender"], source)
     key = None if options["key_file"] is None else read_key(options["key_file"])
     check_outputs(checkpoint)
+    session = LiveSession(
+        site, options["kind"], options["method"], options["spec"], depth=options["depth"],
+        max_gap=options["max_gap"], key=key, only=sender, checkpoint=checkpoint,
+        cold_start=options["cold_start"],
+    )  # fmt: skip
+    _say_notes(session)
+    session.warm_up()
     with open_live_source(source, options["baud"]) as stream, _interruptions() as interruptions:
-        session = LiveSession(
-            site, options["kind"], options["method"], options["spec"], depth=options["depth"],
-            max_gap=options["max_gap"], key=key, only=sender, checkpoint=checkpoint,
-            cold_start=options["cold_start"],
-        )  # fmt: skip
-        if stream.name.startswith("udp:"):
+        if stream.real_time:
             click.echo(f"note: listening on {stream.name}", err=True)
         screen = _Screen() if sys.stdout.isatty() and not lines else None
         last = heard = clock.monotonic()
@@ -154,8 +156,8 @@ def command(**options: Any) -> int:
     else:
         click.echo(str(best.alignment))
         if outcome.spans > 1:
-            a = best.alignment
-            click.echo(f"span {best.span} of {outcome.spans}, {a.start:.9g} s to {a.end:.9g} s")
+            start, end = (round(t, 6) + 0.0 for t in (best.alignment.start, best.alignment.end))
+            click.echo(f"span {best.span} of {outcome.spans}, {start:.9g} s to {end:.9g} s")
         click.echo(session.summary())
         say_warnings(best.alignment.warnings)
     say_warnings(contradictions)

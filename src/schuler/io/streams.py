@@ -136,6 +136,7 @@ class Streams:
         self._candidates: list[Stream] = []
         self._heard = float("-inf")
         self._ignored: set[str] = set()
+        self._resumed = False
 
     def push(
         self, packets: Iterable[Packet], source: str | None = None, now: float | None = None
@@ -198,6 +199,7 @@ class Streams:
         if number in stream.seen:
             if stream.seen[number] == hash(packet[1:3]):
                 self.counts["repeated"] += 1
+                self._drop_replay(stream.key, packet.number)
                 return None
             return "wrong_number"
         fits = stream.line.fits(number, packet.time)
@@ -221,9 +223,17 @@ class Streams:
         packet = packet._replace(number=number)
         stream.take(packet)
         if number > top:
+            self._resumed = False
             self._heard = float("-inf") if now is None else now
             self._drop()
         return packet
+
+    def _drop_replay(self, key: Key, number: int) -> None:
+        """Drop the candidate that led up to a sample that was seen: a sender sent it all again."""
+        for candidate in [c for c in self._candidates if c.key == key]:
+            if candidate.unwrap(number) == candidate.line.number + 1:
+                self.counts["late"] += candidate.count
+                self._candidates.remove(candidate)
 
     def _restarted(self, key: Key, number: int) -> bool:
         """Say whether a packet is the next of a candidate that counts its way up again."""
@@ -291,7 +301,9 @@ class Streams:
         if self.stream is not None:
             if self._heard == float("-inf") and now is not None:
                 self._heard = now
-            by_count = ending or best.count >= ENOUGH
+            # After a resumption a file may be read from its start again.
+            again = self._resumed and 2 * best.reasons["late"] > best.count
+            by_count = ending or (best.count >= ENOUGH and not again)
             silent = by_count if now is None else now - self._heard >= SILENCE
             if not silent:
                 return None
@@ -306,6 +318,7 @@ class Streams:
         before, self.stream = self.stream, stream
         kept = [p for p in samples if stream.possible(p)]
         self.counts["out_of_range"] += len(samples) - len(kept)
+        self._resumed = False
         if before is not None and change.continues:
             stream.seen = {**before.seen, **stream.seen}
         self._heard = float("-inf") if now is None else now
@@ -379,8 +392,14 @@ class Streams:
             "interval": s.line.interval, "last": s.last,
         }  # fmt: skip
 
-    def resume(self, said: Any) -> None:
+    def resume(self, said: Any, recent: Iterable[tuple[int, float, tuple[float, ...]]]) -> None:
         """Follow the stream that `describe` told of.
+
+        Parameters
+        ----------
+        said : dict
+        recent : iterable of sample
+            The last samples, that are known when they come again.
 
         Raises
         ------
@@ -408,4 +427,5 @@ class Streams:
         stream = Stream((source, form, kind, run), last=numbers[2], count=STRETCH)
         stream.line = Line(said["number"], numbers[0], numbers[1])
         stream.line.settle()
-        self.stream = stream
+        stream.seen = {number: hash((time, values)) for number, time, values in recent}
+        self.stream, self._resumed = stream, True
