@@ -507,3 +507,16 @@ def test_every_state_on_the_way_can_be_resumed(items, tmp_path, kind, method):
     assert mine.best.alignment.heading_deg == other.best.alignment.heading_deg
     assert first.counts()["aligned"] == through.counts()["aligned"] > 2800
     assert (mine.spans, other.spans) == (1, 1)
+
+
+@pytest.mark.parametrize("piped", [False, True])
+def test_gaps_of_a_slow_sender_are_within_its_first_samples_too(items, piped):
+    """At 1 Hz a hole of few numbers is long in time."""
+    slow = [(n, 50.0 * t, tuple(50.0 * x for x in v)) for n, t, v in items[:600]]
+    kept = [item for item in slow if not 8 <= item[0] < 20 and not 300 <= item[0] < 310]
+    session = make_session()
+    for item in kept:
+        session.feed(frame(item), None if piped else SENDER, None if piped else item[1])
+    outcome = session.finish(None if piped else kept[-1][1] + 9.0)
+    assert outcome.spans == 3
+    assert session.counts()["aligned"] == len(kept)

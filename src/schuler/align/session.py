@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from schuler.align.result import Alignment
 from schuler.constants import EARTH_RATE
 from schuler.earth import Site
 from schuler.errors import InputError
-from schuler.io.packets import KINDS, PacketParser
+from schuler.io.packets import KINDS, Packet, PacketParser
 from schuler.io.packets import REASONS as PACKET_REASONS
 from schuler.io.streams import REASONS as STREAM_REASONS
 from schuler.io.streams import Part, Streams
@@ -217,11 +218,18 @@ class LiveSession:
             then = "the gap is bridged" if change.continues else f"span {self.spans} begins"
             self._notes.append(f"{change.text}; {then}" if self.spans > 1 or change.continues
                                else change.text)  # fmt: skip
-        try:
-            self._live.push(part.samples)
-        except InputError as error:
-            self._begin_span(self._live.intake.kind)
-            self._notes.append(f"{error}; span {self.spans} begins")
+        for samples in _without_gaps(part.samples, self._options["max_gap"]):
+            if samples[0] is not part.samples[0]:
+                self._begin_span(self._live.intake.kind)
+                self._notes.append(
+                    f"no sample came before t = {samples[0].time:.9g} s for longer than can be "
+                    f"bridged; span {self.spans} begins"
+                )
+            try:
+                self._live.push(samples)
+            except InputError as error:
+                self._begin_span(self._live.intake.kind)
+                self._notes.append(f"{error}; span {self.spans} begins")
 
     def _begin_span(self, kind: str) -> None:
         if self.spans:
@@ -368,6 +376,16 @@ class LiveSession:
                 f"{before.span} {other.heading_deg:.3f} deg: {abs(off) / sigma:.1f} sigma apart"
             )
         return out
+
+
+def _without_gaps(samples: list[Packet], max_gap: float) -> Iterator[list[Packet]]:
+    """Yield the samples in pieces between gaps that are too long to be bridged."""
+    first = 0
+    for k in range(1, len(samples)):
+        if samples[k].time - samples[k - 1].time > max_gap:
+            yield samples[first:k]
+            first = k
+    yield samples[first:] if first else samples
 
 
 def _free_name(path: Path) -> Path:

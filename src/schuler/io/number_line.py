@@ -1,4 +1,4 @@
-"""The time of samples as a straight line in their number.
+"""One stream: the time of its samples is a straight line in their number.
 
 A sender that counts its samples and reads one clock puts them on such a line, to the jitter of its
 time stamps; a forged or foreign sample is off it.
@@ -6,13 +6,13 @@ time stamps; a forged or foreign sample is off it.
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass, field
 from statistics import median
 
-from schuler.io.packets import Packet
+from schuler.io.packets import LARGEST_FORCE, LARGEST_RATE, Packet
 
-__all__ = ["Line", "robust_line", "unwrap"]
+__all__ = ["Key", "Line", "Stream", "robust_line", "unwrap"]
 
 WINDOW = 256
 """Numbers around the last one that a sample of the stream may have."""
@@ -25,6 +25,15 @@ PERIOD = 1 << 32
 
 SHORTEST, LONGEST = 1e-6, 100.0
 """Sampling intervals that are looked for, s."""
+
+_HELD = 8192
+"""Samples that a candidate keeps."""
+
+_SEEN = 4 * WINDOW
+"""Numbers that are known when they come again."""
+
+Key = tuple[str | None, str, str, int]
+"""Source, form (frames or lines), kind and run of a stream."""
 
 
 def unwrap(number: int, near: int) -> int:
@@ -88,3 +97,39 @@ def robust_line(packets: list[Packet]) -> Line | None:
     line = Line(middle, time, interval)
     line.settle()
     return line
+
+
+@dataclass
+class Stream:
+    """Samples on one line, of one source, form, kind and run."""
+
+    key: Key
+    line: Line = field(default_factory=Line)
+    last: float = float("-inf")
+    count: int = 0
+    held: deque[tuple[Packet, str]] = field(default_factory=lambda: deque(maxlen=_HELD))
+    reasons: Counter[str] = field(default_factory=Counter)
+    seen: dict[int, int] = field(default_factory=dict)
+
+    def unwrap(self, number: int) -> int:
+        """Return a number of 32 bits as the one nearest to the stream's last."""
+        return unwrap(number, self.line.number)
+
+    def take(self, packet: Packet) -> None:
+        """Take a sample that fits, its number unwrapped."""
+        self.line.take(packet.number, packet.time)
+        self.last = max(self.last, packet.time)
+        self.count += 1
+        self.seen[packet.number] = hash(packet[1:3])
+        if len(self.seen) > _SEEN:
+            del self.seen[next(iter(self.seen))]
+
+    def possible(self, packet: Packet) -> bool:
+        """Say whether increments are possible over the stream's interval."""
+        if self.key[2] != "increments":
+            return True
+        most = 2.0 * self.line.interval
+        return (
+            max(map(abs, packet.values[:3])) <= LARGEST_RATE * most
+            and max(map(abs, packet.values[3:])) <= LARGEST_FORCE * most
+        )

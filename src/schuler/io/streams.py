@@ -10,9 +10,9 @@ step of its clock, does the candidate take its place.
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from schuler.errors import InputError
@@ -22,11 +22,13 @@ from schuler.io.number_line import (
     SHORTEST,
     STRETCH,
     WINDOW,
+    Key,
     Line,
+    Stream,
     robust_line,
     unwrap,
 )
-from schuler.io.packets import KINDS, LARGEST_FORCE, LARGEST_RATE, LARGEST_TIME, Packet
+from schuler.io.packets import KINDS, LARGEST_TIME, Packet
 
 __all__ = ["Change", "Part", "Streams"]
 
@@ -36,9 +38,12 @@ ENOUGH = 256
 SILENCE = 2.0
 """Time without a sample after which a stream may be replaced, s."""
 
+_MISSED = 8.0
+"""A slow stream is silent after so many intervals."""
+
 _CANDIDATES = 32
-_HELD = 8192
-_SEEN = 4 * WINDOW
+"""Candidates that are kept: forged packets make one each."""
+
 #: why a sample was left out -> what is said of it
 REASONS = {
     "foreign": "of another source",
@@ -49,44 +54,6 @@ REASONS = {
     "out_of_range": "with a value that no stationary vehicle gives",
     "unconfirmed": "in no stream of numbers and times in step",
 }
-
-Key = tuple[str | None, str, str, int]
-
-
-@dataclass
-class Stream:
-    """Samples on one line, of one source, form, kind and run."""
-
-    key: Key
-    line: Line = field(default_factory=Line)
-    last: float = float("-inf")
-    count: int = 0
-    held: deque[tuple[Packet, str]] = field(default_factory=lambda: deque(maxlen=_HELD))
-    reasons: Counter[str] = field(default_factory=Counter)
-    seen: dict[int, int] = field(default_factory=dict)
-
-    def unwrap(self, number: int) -> int:
-        """Return a number of 32 bits as the one nearest to the stream's last."""
-        return unwrap(number, self.line.number)
-
-    def take(self, packet: Packet) -> None:
-        """Take a sample that fits, its number unwrapped."""
-        self.line.take(packet.number, packet.time)
-        self.last = max(self.last, packet.time)
-        self.count += 1
-        self.seen[packet.number] = hash(packet[1:3])
-        if len(self.seen) > _SEEN:
-            del self.seen[next(iter(self.seen))]
-
-    def possible(self, packet: Packet) -> bool:
-        """Say whether increments are possible over the stream's interval."""
-        if self.key[2] != "increments":
-            return True
-        most = 2.0 * self.line.interval
-        return (
-            max(map(abs, packet.values[:3])) <= LARGEST_RATE * most
-            and max(map(abs, packet.values[3:])) <= LARGEST_FORCE * most
-        )
 
 
 @dataclass(frozen=True)
@@ -304,7 +271,8 @@ class Streams:
             # After a resumption a file may be read from its start again.
             again = self._resumed and 2 * best.reasons["late"] > best.count
             by_count = ending or (best.count >= ENOUGH and not again)
-            silent = by_count if now is None else now - self._heard >= SILENCE
+            silence = max(SILENCE, _MISSED * self.stream.line.interval)
+            silent = by_count if now is None else now - self._heard >= silence
             if not silent:
                 return None
         # A candidate that found no line is not tried with each sample again.
@@ -335,11 +303,14 @@ class Streams:
         if line is None:
             return None
         stream = Stream(best.key, line)
+        numbers = [packet.number for packet, _ in best.held]
+        low, high = min(numbers) - WINDOW, max(numbers) + WINDOW
         on_line: dict[int, Packet] = {}
         for candidate in (best, *self._candidates):
             if candidate.key == best.key:
                 for packet, _ in candidate.held:
-                    if line.fits(packet.number, packet.time):
+                    near = low <= packet.number <= high
+                    if near and line.fits(packet.number, packet.time):
                         on_line.setdefault(packet.number, packet)
         if len(on_line) < STRETCH:
             return None
@@ -366,7 +337,8 @@ class Streams:
         continues = same and on_line and 0.0 < gap <= self.max_gap
         raw = number % PERIOD
         if source != old.key[0]:
-            text = f"the source {old.key[0]} is silent, and samples{where} are taken in its place"
+            before = "that was followed" if old.key[0] is None else old.key[0]
+            text = f"the source {before} is silent, and samples{where} are taken in its place"
         elif kind != old.key[2]:
             text = f"the sender sends {kind} now, in place of {old.key[2]}"
         elif run != old.key[3] or number <= old.line.number - WINDOW or number in old.seen:
