@@ -359,3 +359,12 @@ def test_a_key_that_is_too_short_or_long_is_refused(run, tmp_path, size):
     done = run("live", "-", "--lat", "5", "--key-file", path)
     assert done.code == 2
     assert "16 to 4096 bytes" in done.err
+
+
+def test_a_key_is_no_checkpoint(run, tmp_path):
+    path = tmp_path / "imu.key"
+    path.write_bytes(b"k" * 32)
+    done = run("live", "-", "--lat", "5", "--key-file", path, "--checkpoint", path, "--cold-start")
+    assert done.code == 2
+    assert "is an input as well" in done.err
+    assert path.read_bytes() == b"k" * 32

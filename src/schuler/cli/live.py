@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import sys
 import time as clock
@@ -105,6 +106,9 @@ def command(**options: Any) -> int:
     sender = None if options["sender"] is None else check_sender(options["sender"], source)
     key = None if options["key_file"] is None else read_key(options["key_file"])
     check_outputs(checkpoint)
+    for name in (options["key_file"], options["spec"]):
+        if checkpoint is not None and name is not None and _same_file(checkpoint, name):
+            raise InputError(f"--checkpoint {checkpoint}: is an input as well; name another file")
     session = LiveSession(
         site, options["kind"], options["method"], options["spec"], depth=options["depth"],
         max_gap=options["max_gap"], key=key, only=sender, checkpoint=checkpoint,
@@ -162,6 +166,14 @@ def command(**options: Any) -> int:
         say_warnings(best.alignment.warnings)
     say_warnings(contradictions)
     return CONTRADICTED if contradictions else 0
+
+
+def _same_file(a: str, b: str) -> bool:
+    try:
+        return os.path.samefile(a, b)
+    except (OSError, ValueError):
+        # One of them is not there: a specification may be the name of a grade.
+        return False
 
 
 @contextmanager
