@@ -37,7 +37,7 @@ def frame(item, **options) -> bytes:
 
 @dataclass
 class Feed:
-    """A session with a clock that goes on with each sample, as of a sender in real time."""
+    """A session with a clock that advances at each sample, as of a sender in real time."""
 
     session: LiveSession
     now: float = 100.0

@@ -160,7 +160,7 @@ class Streams:
         return self._promote(now)
 
     def _follow(self, stream: Stream, packet: Packet, now: float | None) -> Packet | str | None:
-        """Return the packet where the stream goes on with it, or why it does not."""
+        """Return the packet where it continues the stream, or the reason why it does not."""
         number = stream.unwrap(packet.number)
         top = stream.line.number
         if number in stream.seen:
