@@ -166,7 +166,7 @@ def _sizes(kind: str, first: Any, mapping: Mapping) -> tuple[Array | None, str |
     name, number = mapping.imu_type, None
     if name is None and "type" in first.dtype.names:
         number = int(first["type"][0])
-    elif name is not None and name.isdigit():
+    elif name is not None and name.isascii() and name.isdigit() and len(name) < 9:
         number = int(name)
     if number is not None:
         name = next((n for n, t in IMU_TYPES.items() if t.number == number), None)

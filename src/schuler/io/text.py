@@ -20,7 +20,7 @@ from schuler.io.content import Array, Block, Content
 from schuler.io.dialect import Dialect, NoRowsError, detect, split
 from schuler.io.flow import readable
 from schuler.io.mapping import Mapping
-from schuler.io.parquet import own_mapping
+from schuler.io.own import own_mapping, own_name
 
 __all__ = ["TextReader", "TextTable", "arrange"]
 
@@ -56,7 +56,7 @@ class TextReader:
             blocks=lambda: arrange(table.blocks(), chosen),
             said=said,
             time_label=chosen.t_label,
-            name=str(own["name"]) if own and "name" in own else None,
+            name=own_name(own),
             notes=table.notes,
             progress=table.progress,
             complete=own is not None,
