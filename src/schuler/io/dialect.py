@@ -15,7 +15,8 @@ __all__ = ["MAGIC", "NUMBER", "Dialect", "NoRowsError", "detect", "split"]
 
 #: what a cell may hold: a number (Fortran's D too), infinity, or a way to say "none"
 NUMBER = re.compile(
-    r"[+-]?(?:(?:\d+(?:\.\d*)?|\.\d+)(?:[eEdD][+-]?\d+)?|nan|inf|infinity)|NA|N/A|null|", re.IGNORECASE
+    r"[+-]?(?:(?:\d+(?:\.\d*)?|\.\d+)(?:[eEdD][+-]?\d+)?|nan|inf|infinity)|NA|N/A|null|",
+    re.IGNORECASE,
 )
 
 #: begins the comment in which schuler's own CSV files say what they hold

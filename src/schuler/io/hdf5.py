@@ -90,8 +90,8 @@ def _check(dataset: Any, size: int, label: str) -> int:
             f"{label} keeps its values in other files, which are not read for safety; save the "
             "values themselves"
         )
-    width = max(8, dataset.dtype.itemsize)
-    wanted = width * math.prod(dataset.shape or (0,))
+    width = max(8, int(dataset.dtype.itemsize))
+    wanted: int = width * math.prod(dataset.shape or (0,))
     if dataset.chunks is None:
         return wanted
     nominal = dataset.dtype.itemsize * math.prod(dataset.chunks)

@@ -24,9 +24,8 @@ def available_memory() -> int:
     """Return the bytes that a process can take without pushing others out."""
     found = []
     with suppress(OSError, ValueError):
-        for line in Path("/proc/meminfo").read_text().splitlines():
-            if line.startswith("MemAvailable:"):
-                found.append(1024 * int(line.split()[1]))
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        found += [1024 * int(x.split()[1]) for x in lines if x.startswith("MemAvailable:")]
     with suppress(OSError, ValueError):
         most = int((_CGROUP / "memory.max").read_text())
         found.append(max(0, most - int((_CGROUP / "memory.current").read_text())))

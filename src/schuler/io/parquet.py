@@ -79,7 +79,9 @@ class ParquetReader:
             except (pa.ArrowException, OSError) as error:
                 raise damaged(error) from None
             if done[0] != rows:
-                raise InputError(f"is damaged: {done[0]} of the {rows} rows that it announces are there")
+                raise InputError(
+                    f"is damaged: {done[0]} of the {rows} rows that it announces are there"
+                )
 
         return Content(
             blocks=blocks,
@@ -104,4 +106,3 @@ def _decimal(kind: Any) -> bool:
     import pyarrow as pa
 
     return bool(pa.types.is_decimal(kind))
-

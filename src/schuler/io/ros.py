@@ -174,4 +174,3 @@ def _decode(messages: list[bytes], ros1: bool, topic: str) -> tuple[Any, Any]:
 
 def _not_imu(topic: str, size: int) -> InputError:
     return InputError(f"topic '{topic}' has a message of {size} bytes, too few for sensor_msgs/Imu")
-

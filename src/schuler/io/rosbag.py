@@ -12,7 +12,7 @@ from schuler.errors import InputError, shown
 from schuler.io.expansion import expansion
 from schuler.io.limits import check_size, largest
 
-__all__ = ["ROS1", "MCAP", "is_ros1", "opened", "raw_messages"]
+__all__ = ["MCAP", "ROS1", "is_ros1", "opened", "raw_messages"]
 
 ROS1 = b"#ROSBAG V2.0"
 MCAP = b"\x89MCAP0\r\n"
@@ -119,10 +119,7 @@ def _has_index(file: IO[bytes], size: int) -> bool:
     place = int.from_bytes(file.read(8), "little")
     if not 0 < place < size:
         return False
-    for kind, _, _ in _records(file, place, size):
-        if kind == _CHUNK_INDEX:
-            return True
-    return False
+    return any(kind == _CHUNK_INDEX for kind, _, _ in _records(file, place, size))
 
 
 def _records(file: IO[bytes], place: int, size: int) -> Iterator[tuple[int, int, int]]:

@@ -301,7 +301,7 @@ class TextTable:
             if len(row) == d.count and not line.startswith(d.comment):
                 cells.append(row[-1])
         digits = [other for other in cells if other[-1:].isdigit()]
-        if not digits or cell[-1:].isalpha() and cell[-1:].lower() not in "ed":
+        if not digits or (cell[-1:].isalpha() and cell[-1:].lower() not in "ed"):
             return False
         forms = {_form(other, d.decimal) for other in digits}
         if len(forms) == 1 and len(digits) > 1:
