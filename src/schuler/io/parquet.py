@@ -13,6 +13,7 @@ from schuler.io.columns import choose
 from schuler.io.content import BLOCK_ROWS, Array, Block, Content
 from schuler.io.mapping import Mapping
 from schuler.io.own import own_mapping, own_name, parse_own
+from schuler.io.pages import check_pages
 from schuler.io.sealed import about_of, damaged, open_parquet, stated
 
 __all__ = ["ParquetReader"]
@@ -51,6 +52,10 @@ class ParquetReader:
                 )
         if rows == 0:
             raise InputError("has no data rows")
+        # A seal is that of all columns.
+        names = schema.names if sealed else [schema.names[i] for i in chosen.all]
+        with open_parquet(path) as file:
+            check_pages(file, path, names)
         said = chosen.said()
         if own is not None:
             said = own_mapping(own).merged(said)
@@ -58,8 +63,6 @@ class ParquetReader:
 
         def blocks() -> Iterator[Block]:
             done[0] = 0
-            # A seal is that of all columns.
-            names = schema.names if sealed else [schema.names[i] for i in chosen.all]
             try:
                 # Through a small buffer: else whole row groups would be held, undecoded.
                 with open_parquet(path, pre_buffer=False, buffer_size=_BUFFER) as file:

@@ -16,6 +16,7 @@ import numpy as np
 
 from schuler.errors import InputError, shown
 from schuler.io.limits import check_size
+from schuler.io.pages import check_pages
 
 __all__ = ["Seal", "about_of", "damaged", "open_parquet", "read_sealed", "stated", "write_sealed"]
 
@@ -159,6 +160,7 @@ def read_sealed(path: Path, rows: int | None = None) -> tuple[Any, dict[bytes, b
                 raise InputError(f"has {count} rows, expected {rows}")
             wide = 8 * count * max(1, len(file.schema_arrow.names))
             check_size(wide, path.stat().st_size, "its footer")
+            check_pages(file, path, file.schema_arrow.names)
             seal, about = stated(file), about_of(file)
             table = file.read()
     except (pa.ArrowException, OSError) as error:
