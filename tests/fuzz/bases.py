@@ -12,7 +12,7 @@ import numpy as np
 
 from schuler import write
 from schuler.record import ImuRecord
-from tests.io.conftest import HEADER, Array, make_rows, make_text
+from tests.io.conftest import HEADER, make_rows, make_text
 from tests.io.makers import (
     novatel_ascii,
     novatel_binary,

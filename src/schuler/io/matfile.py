@@ -64,15 +64,15 @@ def _version_5(file: IO[bytes], size: int, head: bytes) -> dict[str, int]:
         data = file.read(min(count, _LOOK))
         if kind == _COMPRESSED:
             data = zlib.decompressobj().decompress(data, _LOOK)
-            kind, _ = struct.unpack_from(f"{order}II", data)
+            kind, count = struct.unpack_from(f"{order}II", data)
             data = data[8:]
         if kind == _MATRIX:
-            _add(found, *_matrix(data, order))
+            _add(found, *_matrix(data, order, count))
     return found
 
 
-def _matrix(data: bytes, order: str) -> tuple[str, int | None]:
-    """Return an array's name, and its size; None where it holds no numbers."""
+def _matrix(data: bytes, order: str, size: int) -> tuple[str, int | None]:
+    """Return an array's name, and its bytes in memory; None where it holds no numbers."""
     at, kind, flags = _element(data, 0, order)
     if kind != _FLAGS or len(flags) != 8:
         raise _damaged("an array without flags")
@@ -87,8 +87,10 @@ def _matrix(data: bytes, order: str) -> tuple[str, int | None]:
     text = name.decode("latin-1")
     if word & 0xFF not in _NUMBERS:
         return text, None
-    kind, length = _tag(data, at, order)[:2]
+    kind, length, begin = _tag(data, at, order)
     values = math.prod(shape)
+    if begin + length > size:
+        raise _damaged(f"{size} bytes where {begin + length} are announced")
     if min(shape) < 0 or kind not in _WIDTHS or length != values * _WIDTHS[kind]:
         raise _damaged(f"array of {'x'.join(map(str, shape))} values in {length} bytes")
     return text, (16 if word & _COMPLEX else 8) * values

@@ -21,6 +21,10 @@ from schuler.io.own import own_mapping, own_name, parse_own
 
 __all__ = ["NpzReader"]
 
+#: bytes of the record at an archive's end, its comment included; a count that is elsewhere
+_LONGEST_END = 22 + 0xFFFF
+_MORE = 0xFFFF
+
 
 class NpzReader:
     """Reader of .npz archives with t, gyro and accel, or t, dtheta and dvel."""
@@ -39,6 +43,7 @@ class NpzReader:
         with _damage("is a damaged npz archive"):
             archive = zipfile.ZipFile(path)
         with archive:
+            _check_count(path, len(archive.infolist()))
             arrays = _Arrays(archive, path.stat().st_size)
             if "schuler" not in arrays.names:
                 return from_arrays(arrays.names, arrays.load, mapping)
@@ -49,6 +54,18 @@ class NpzReader:
         content.name = own_name(own)
         content.complete = True
         return content
+
+
+def _check_count(path: Path, found: int) -> None:
+    """Compare how many arrays the archive's end announces with those that it lists."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        file.seek(max(0, size - _LONGEST_END))
+        end = file.read()
+    at = end.rfind(b"PK\x05\x06")
+    announced = int.from_bytes(end[at + 10 : at + 12], "little")
+    if at >= 0 and announced not in (found, _MORE):
+        raise InputError(f"is a damaged npz archive ({found} of {announced} arrays are listed)")
 
 
 class _Arrays:

@@ -1,162 +1,139 @@
-"""The pages of a Parquet file, walked before Arrow takes memory for them.
+"""The footer and the pages of a Parquet file, looked at before Arrow takes memory for them.
 
-A page's header (Thrift's compact protocol, parquet.thrift) says how many bytes follow and how many
-they expand to. Arrow believes it. Where a file is damaged or forged these can be gigabytes, so the
-headers of the wanted columns are compared with the column's length, its number of values, and what
-a file of that size may expand to.
+A page's header says how many bytes follow and how many they expand to, and Arrow believes it; some
+damaged footers end the whole process. So both are read here first (parquet.thrift), and compared
+with the file's size, the columns' numbers of values, and what a file of that size may expand to.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from schuler.errors import InputError, shown
 from schuler.io.limits import check_size
+from schuler.io.thrift import structure
 
-__all__ = ["check_pages"]
+__all__ = ["check_pages", "damaged_parquet", "footer_bytes"]
 
-#: bytes that a header may have
+_MAGIC = b"PAR1"
+#: bytes that a page's header may have
 _WINDOW = 1 << 16
-_DEEPEST = 8
-_STRUCT, _BINARY, _DOUBLE = 12, 8, 7
-_LISTS, _WHOLE = (9, 10), (4, 5, 6)
+#: what a structure of another shape than expected raises
+_OTHER_SHAPE = (AttributeError, IndexError, KeyError, TypeError, ValueError)
+#: fields of the footer, of a row group, of a column's part in it and of what that says
+_ROWS, _GROUPS = 3, 4
+_COLUMNS, _GROUP_ROWS = 1, 3
+_ELSEWHERE, _ABOUT = 1, 3
+_PATH, _COUNT, _BYTES, _BEGIN, _DICTIONARY_BEGIN = 3, 5, 7, 9, 11
 #: fields of a page's header, and of the three kinds of pages in it
 _EXPANDED, _LENGTH, _DATA, _DICTIONARY, _DATA_2 = 2, 3, 5, 7, 8
 _VALUES = 1
 
 
-def check_pages(file: Any, path: Path, names: Sequence[str]) -> None:
-    """Check the pages of some columns.
+@dataclass(frozen=True)
+class _Part:
+    """A column in one row group: its name, where its pages are, and how many values it has."""
+
+    name: str
+    begin: int
+    end: int
+    values: int
+
+    @property
+    def label(self) -> str:
+        return f"column '{shown(self.name)}'"
+
+
+def footer_bytes(path: Path) -> bytes:
+    """Return a file's footer as it is.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        file.seek(max(0, size - 8))
+        tail = file.read(8)
+        length = int.from_bytes(tail[:4], "little")
+        if tail[4:] != _MAGIC or length + 12 > size:
+            raise damaged_parquet("it has no footer")
+        file.seek(size - 8 - length)
+        return file.read(length)
+
+
+def check_pages(path: Path, names: Sequence[str] | None = None) -> None:
+    """Check the footer, and the pages of some columns.
 
     Parameters
     ----------
-    file : pyarrow.parquet.ParquetFile
     path : Path
-    names : sequence of str
-        Columns.
+    names : sequence of str, optional
+        Columns; all when not given.
 
     Raises
     ------
     InputError
         If a page does not fit its column, or announces too much.
     """
-    metadata = file.metadata
+    data = footer_bytes(path)
+    try:
+        footer, _ = structure(data)
+        parts = list(_parts(footer))
+    except _OTHER_SHAPE:
+        raise damaged_parquet("its footer cannot be read") from None
     size = path.stat().st_size
-    wanted = set(names)
-    with path.open("rb") as raw:
-        for group in range(metadata.num_row_groups):
-            rows = metadata.row_group(group)
-            for number in range(rows.num_columns):
-                column = rows.column(number)
-                name = column.path_in_schema
-                if name in wanted or name.partition(".")[0] in wanted:
-                    _check_column(raw, size, column, f"column '{shown(name)}'")
+    with path.open("rb") as file:
+        for part in parts:
+            if names is None or part.name in names or part.name.partition(".")[0] in names:
+                _check_part(file, size, part)
 
 
-def _check_column(raw: Any, size: int, column: Any, label: str) -> None:
-    place = column.data_page_offset
-    if column.has_dictionary_page and column.dictionary_page_offset:
-        place = min(place, column.dictionary_page_offset)
-    end = place + column.total_compressed_size
-    if not 4 <= place <= end <= size:
-        raise _damaged(f"{label} is beyond the file's end")
-    values = 0
-    while values < column.num_values:
-        raw.seek(place)
-        window = raw.read(min(_WINDOW, end - place))
+def _parts(footer: dict[int, Any]) -> Iterator[_Part]:
+    rows = 0
+    for group in footer[_GROUPS]:
+        rows += group[_GROUP_ROWS]
+        for column in group[_COLUMNS]:
+            if column.get(_ELSEWHERE):
+                raise damaged_parquet("its columns are in other files, which are not read")
+            about = column[_ABOUT]
+            begin = about[_BEGIN]
+            first = about.get(_DICTIONARY_BEGIN, 0)
+            begin = min(begin, first) if first > 0 else begin
+            name = b".".join(about[_PATH]).decode("utf-8", "surrogateescape")
+            yield _Part(name, begin, begin + about[_BYTES], about[_COUNT])
+    if rows != footer[_ROWS]:
+        raise damaged_parquet(f"it announces {footer[_ROWS]} rows and {rows} in its parts")
+
+
+def _check_part(file: IO[bytes], size: int, part: _Part) -> None:
+    if not 4 <= part.begin <= part.end <= size or part.values < 0:
+        raise damaged_parquet(f"{part.label} is beyond the file's end")
+    place, values = part.begin, 0
+    while values < part.values:
+        file.seek(place)
+        window = file.read(min(_WINDOW, part.end - place))
         try:
-            header, begin = _struct(window, 0, 0)
-        except (IndexError, ValueError):
-            raise _damaged(f"{label} has a page without a header") from None
-        length, expanded = header.get(_LENGTH), header.get(_EXPANDED)
-        if not (isinstance(length, int) and isinstance(expanded, int)):
-            raise _damaged(f"{label} has a page without a size")
+            header, begin = structure(window)
+            length, expanded = int(header[_LENGTH]), int(header[_EXPANDED])
+            pages = [header[kind] for kind in (_DATA, _DATA_2) if kind in header]
+            counts = [int(page[_VALUES]) for page in pages]
+            words = int(header[_DICTIONARY][_VALUES]) if _DICTIONARY in header else 0
+        except _OTHER_SHAPE:
+            raise damaged_parquet(f"{part.label} has a page without a header") from None
         place += begin + length
-        if length < 0 or expanded < 0 or place > end:
-            raise _damaged(f"{label} has a page that is longer than the column")
-        check_size(expanded, size, label)
-        for kind in (_DATA, _DATA_2, _DICTIONARY):
-            about = header.get(kind)
-            if isinstance(about, dict):
-                count = about.get(_VALUES)
-                if not isinstance(count, int) or not 0 <= count <= column.num_values:
-                    raise _damaged(f"{label} has a page with more values than the column")
-                values += 0 if kind == _DICTIONARY else count
-        if begin + length == 0:
-            raise _damaged(f"{label} has an empty page")
-    if values != column.num_values:
-        raise _damaged(f"{label} has {values} of its {column.num_values} values")
+        if min(length, expanded, words, *counts, 0) < 0 or place > part.end:
+            raise damaged_parquet(f"{part.label} has a page that does not fit the column")
+        check_size(max(expanded, 8 * words), size, part.label)
+        values += sum(counts)
+    if values != part.values:
+        raise damaged_parquet(f"{part.label} has {values} of its {part.values} values")
 
 
-def _struct(data: bytes, at: int, depth: int) -> tuple[dict[int, Any], int]:
-    """Return a structure's numbers and structures by field, and where it ends."""
-    if depth > _DEEPEST:
-        raise ValueError("structures inside each other")
-    found: dict[int, Any] = {}
-    field = 0
-    while True:
-        mark = data[at]
-        at += 1
-        if not mark:
-            return found, at
-        kind = mark & 15
-        if mark >> 4:
-            field += mark >> 4
-        else:
-            field, at = _signed(data, at)
-        if kind in (1, 2):
-            # Truth values are in the type.
-            continue
-        found[field], at = _value(data, at, kind, depth)
-
-
-def _value(data: bytes, at: int, kind: int, depth: int) -> tuple[Any, int]:
-    if kind in _WHOLE:
-        return _signed(data, at)
-    if kind == _STRUCT:
-        return _struct(data, at, depth + 1)
-    if kind == _BINARY:
-        length, at = _unsigned(data, at)
-        at += length
-    elif kind == _DOUBLE:
-        at += 8
-    elif kind in _LISTS:
-        mark = data[at]
-        at += 1
-        count = mark >> 4
-        if count == 15:
-            count, at = _unsigned(data, at)
-        for _ in range(count):
-            one = 3 if mark & 15 in (1, 2) else mark & 15
-            _, at = _value(data, at, one, depth + 1)
-    elif kind == 3:
-        at += 1
-    else:
-        raise ValueError(f"type {kind}")
-    if at > len(data):
-        raise ValueError("beyond the end")
-    return None, at
-
-
-def _unsigned(data: bytes, at: int) -> tuple[int, int]:
-    value = shift = 0
-    while True:
-        byte = data[at]
-        at += 1
-        value |= (byte & 127) << shift
-        if not byte >> 7:
-            return value, at
-        shift += 7
-        if shift > 63:
-            raise ValueError("a number of more than 64 bits")
-
-
-def _signed(data: bytes, at: int) -> tuple[int, int]:
-    value, at = _unsigned(data, at)
-    return (value >> 1) ^ -(value & 1), at
-
-
-def _damaged(reason: str) -> InputError:
-    return InputError(f"is a damaged or truncated Parquet file ({reason})")
+def damaged_parquet(reason: str) -> InputError:
+    """Return the sentence for a Parquet file that cannot be read."""
+    return InputError(f"is a damaged or truncated Parquet file ({shown(reason)[:120]})")

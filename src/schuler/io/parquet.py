@@ -14,7 +14,7 @@ from schuler.io.content import BLOCK_ROWS, Array, Block, Content
 from schuler.io.mapping import Mapping
 from schuler.io.own import own_mapping, own_name, parse_own
 from schuler.io.pages import check_pages
-from schuler.io.sealed import about_of, damaged, open_parquet, stated
+from schuler.io.sealed import about_of, opened_parquet, stated
 
 __all__ = ["ParquetReader"]
 
@@ -35,12 +35,10 @@ class ParquetReader:
         """Read the schema."""
         import pyarrow as pa
 
-        try:
-            with open_parquet(path) as file:
-                schema, rows = file.schema_arrow, int(file.metadata.num_rows)
-                sealed, text = stated(file) is not None, about_of(file).get(b"schuler")
-        except (pa.ArrowException, OSError) as error:
-            raise damaged(error) from None
+        check_pages(path, ())
+        with opened_parquet(path) as file:
+            schema, rows = file.schema_arrow, int(file.metadata.num_rows)
+            sealed, text = stated(file, path) is not None, about_of(file).get(b"schuler")
         own = None if text is None else parse_own(text, "into its metadata")
         chosen = choose(schema.names, len(schema.names), Mapping() if own else mapping)
         for i in chosen.all:
@@ -54,8 +52,7 @@ class ParquetReader:
             raise InputError("has no data rows")
         # A seal is that of all columns.
         names = schema.names if sealed else [schema.names[i] for i in chosen.all]
-        with open_parquet(path) as file:
-            check_pages(file, path, names)
+        check_pages(path, names)
         said = chosen.said()
         if own is not None:
             said = own_mapping(own).merged(said)
@@ -63,24 +60,21 @@ class ParquetReader:
 
         def blocks() -> Iterator[Block]:
             done[0] = 0
-            try:
-                # Through a small buffer: else whole row groups would be held, undecoded.
-                with open_parquet(path, pre_buffer=False, buffer_size=_BUFFER) as file:
-                    seal = stated(file)
-                    for batch in file.iter_batches(BLOCK_ROWS, columns=names):
-                        done[0] += batch.num_rows
-                        if seal is not None:
-                            seal.add(batch)
-                        columns = {i: _numbers(batch.column(schema.names[i])) for i in chosen.all}
-                        yield (
-                            None if chosen.t is None else columns[chosen.t],
-                            [columns[i] for i in chosen.values],
-                            None if chosen.dt is None else columns[chosen.dt],
-                        )
+            # Through a small buffer: else whole row groups would be held, undecoded.
+            with opened_parquet(path, pre_buffer=False, buffer_size=_BUFFER) as file:
+                seal = stated(file, path)
+                for batch in file.iter_batches(BLOCK_ROWS, columns=names):
+                    done[0] += batch.num_rows
                     if seal is not None:
-                        seal.verify()
-            except (pa.ArrowException, OSError) as error:
-                raise damaged(error) from None
+                        seal.add(batch)
+                    columns = {i: _numbers(batch.column(schema.names[i])) for i in chosen.all}
+                    yield (
+                        None if chosen.t is None else columns[chosen.t],
+                        [columns[i] for i in chosen.values],
+                        None if chosen.dt is None else columns[chosen.dt],
+                    )
+                if seal is not None:
+                    seal.verify()
             if done[0] != rows:
                 raise InputError(
                     f"is damaged: {done[0]} of the {rows} rows that it announces are there"

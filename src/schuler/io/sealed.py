@@ -8,17 +8,18 @@ under two names: a file whose one name is damaged is still known to have had a s
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from schuler.errors import InputError, shown
+from schuler.errors import InputError
 from schuler.io.limits import check_size
-from schuler.io.pages import check_pages
+from schuler.io.pages import check_pages, damaged_parquet, footer_bytes
 
-__all__ = ["Seal", "about_of", "damaged", "open_parquet", "read_sealed", "stated", "write_sealed"]
+__all__ = ["Seal", "about_of", "opened_parquet", "read_sealed", "stated", "write_sealed"]
 
 _KEYS = (b"schuler.sha256", b"sha256.of.schuler")
 _ARROW = b"ARROW:schema"
@@ -102,11 +103,27 @@ def write_sealed(table: Any, path: Path, about: Mapping[str, str], **options: An
     )
 
 
-def open_parquet(path: Path, **options: Any) -> Any:
-    """Return a `pyarrow.parquet.ParquetFile` that compares the pages with their checksums."""
+@contextmanager
+def opened_parquet(path: Path, **options: Any) -> Iterator[Any]:
+    """Open a `pyarrow.parquet.ParquetFile` that compares the pages with their checksums.
+
+    The pages must have been looked at (`schuler.io.pages.check_pages`).
+
+    Raises
+    ------
+    InputError
+        In the place of all that pyarrow raises for damaged files, here and while it is open.
+    """
     from pyarrow import parquet
 
-    return parquet.ParquetFile(path, page_checksum_verification=True, **options)
+    try:
+        with parquet.ParquetFile(path, page_checksum_verification=True, **options) as file:
+            yield file
+    except (InputError, GeneratorExit):
+        raise
+    except Exception as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise damaged_parquet(reason) from None
 
 
 def about_of(file: Any) -> dict[bytes, bytes]:
@@ -115,7 +132,7 @@ def about_of(file: Any) -> dict[bytes, bytes]:
     return {key: value for key, value in raw.items() if key not in (*_KEYS, _ARROW)}
 
 
-def stated(file: Any) -> Seal | None:
+def stated(file: Any, path: Path) -> Seal | None:
     """Return the seal to be verified of an opened file; None where it has none.
 
     Raises
@@ -125,7 +142,7 @@ def stated(file: Any) -> Seal | None:
     """
     raw = file.metadata.metadata or {}
     first, second = (raw.get(key) for key in _KEYS)
-    if first is None and second is None:
+    if first is None and second is None and not any(key in footer_bytes(path) for key in _KEYS):
         return None
     if first is None or first != second:
         raise InputError("is damaged: its checksum is; copy it again from where it came")
@@ -151,20 +168,15 @@ def read_sealed(path: Path, rows: int | None = None) -> tuple[Any, dict[bytes, b
     InputError
         If the file is damaged, or has another number of rows.
     """
-    import pyarrow as pa
-
-    try:
-        with open_parquet(path) as file:
-            count = int(file.metadata.num_rows)
-            if rows is not None and count != rows:
-                raise InputError(f"has {count} rows, expected {rows}")
-            wide = 8 * count * max(1, len(file.schema_arrow.names))
-            check_size(wide, path.stat().st_size, "its footer")
-            check_pages(file, path, file.schema_arrow.names)
-            seal, about = stated(file), about_of(file)
-            table = file.read()
-    except (pa.ArrowException, OSError) as error:
-        raise damaged(error) from None
+    check_pages(path)
+    with opened_parquet(path) as file:
+        count = int(file.metadata.num_rows)
+        if rows is not None and count != rows:
+            raise InputError(f"has {count} rows, expected {rows}")
+        wide = 8 * count * max(1, len(file.schema_arrow.names))
+        check_size(wide, path.stat().st_size, "its footer")
+        seal, about = stated(file, path), about_of(file)
+        table = file.read()
     if len(table) != count:
         raise InputError(f"is damaged: it has {len(table)} of the {count} rows that it announces")
     if seal is not None:
@@ -172,12 +184,6 @@ def read_sealed(path: Path, rows: int | None = None) -> tuple[Any, dict[bytes, b
             seal.add(batch)
         seal.verify()
     return table, about, seal is not None
-
-
-def damaged(error: Exception) -> InputError:
-    """Return the sentence for a file that Arrow cannot read."""
-    reason = (str(error).splitlines() or [type(error).__name__])[0]
-    return InputError(f"is a damaged or truncated Parquet file ({shown(reason)[:120]})")
 
 
 def _take(hasher: Any, column: Any) -> None:
