@@ -46,6 +46,7 @@ class InputError(SchulerError, ValueError):
 
 
 def _sentence(text: str) -> str:
+    text = "\n".join(shown(line) for line in text.split("\n"))
     if len(text) > _LONGEST:
         text = f"{text[: _LONGEST - 1000]} ... {text[-900:]}"
-    return "\n".join(shown(line) for line in text.split("\n"))
+    return text

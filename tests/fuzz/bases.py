@@ -92,27 +92,23 @@ def hdf5(folder: Path) -> Path:
     return folder / "a.mat"
 
 
-def bag(kind: str, **options: Any) -> Make:
+def bag(kind: str, part: str = "*.*[!l]", **options: Any) -> Make:
+    """Return a maker of a bag; of a folder it gives the file that matches `part`."""
+
     def make(folder: Path) -> Path:
-        path = write_bag(folder / "a.bag", {"/imu": ROWS}, kind, **options)
-        if path.is_dir():
-            (path,) = (p for p in path.iterdir() if p.name != "metadata.yaml")
-        return path
+        from rosbags import rosbag1, rosbag2
+
+        settings = dict(options)
+        if "lz4" in settings or "bz2" in settings:
+            (name,) = settings
+            settings = {"compression": (getattr(rosbag1.Writer.CompressionFormat, name.upper()),)}
+        elif "mode" in settings:
+            mode = getattr(rosbag2.CompressionMode, settings.pop("mode"))
+            settings["compression"] = (mode, rosbag2.CompressionFormat.ZSTD)
+        path = write_bag(folder / "a.bag", {"/imu": ROWS}, kind, **settings)
+        return next(path.glob(part)) if path.is_dir() else path
 
     return make
-
-
-def compression(name: str) -> Any:
-    from rosbags.rosbag1 import Writer
-
-    return getattr(Writer.CompressionFormat, name)
-
-
-def mcap_zstd(folder: Path) -> Path:
-    from rosbags import rosbag2
-
-    mode = rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD
-    return bag("mcap", compression=mode)(folder)
 
 
 def psins() -> str:
@@ -148,6 +144,9 @@ def truth(folder: Path) -> Path:
 KF = {"format": "kf-gins"}
 RAD = {"gyro": "rad", "accel": "m/s"}
 
+#: of a bag's folder, one file is damaged and the folder is read
+FOLDERS = "folder-"
+
 #: name -> (what the worker does, how the file is made, options, sealed by a checksum)
 BASES: dict[str, tuple[str, Make, dict[str, Any], bool]] = {
     "csv": ("record", put("a.csv", lambda: make_text(ROWS)), {}, False),
@@ -168,11 +167,14 @@ BASES: dict[str, tuple[str, Make, dict[str, Any], bool]] = {
     "psins": ("record", put("a.imu", psins), {}, False),
     "bin": ("record", put("a.bin", ROWS.tobytes), {}, False),
     "ros1": ("record", bag("ros1"), {}, False),
-    "ros1-lz4": ("record", lambda p: bag("ros1", compression=(compression("LZ4"),))(p), {}, False),
-    "ros1-bz2": ("record", lambda p: bag("ros1", compression=(compression("BZ2"),))(p), {}, False),
+    "ros1-lz4": ("record", bag("ros1", lz4=True), {}, False),
+    "ros1-bz2": ("record", bag("ros1", bz2=True), {}, False),
     "ros2-sqlite": ("record", bag("sqlite"), {}, False),
     "ros2-mcap": ("record", bag("mcap"), {}, False),
-    "ros2-mcap-zstd": ("record", lambda p: bag("mcap")(p), {}, False),
+    "ros2-mcap-zstd": ("record", bag("mcap", mode="STORAGE"), {}, False),
+    "folder-sqlite": ("record", bag("sqlite", "*.yaml"), {}, False),
+    "folder-messages": ("record", bag("sqlite", mode="MESSAGE"), {}, False),
+    "folder-file": ("record", bag("sqlite", "*.zstd", mode="FILE"), {}, False),
     "ulog": ("record", put("a.ulg", lambda: ulog_file([("vehicle_imu", 0, vehicle_imu(ROWS))])),
              {}, False),
     "ulog-rates": ("record", put("a.ulg", lambda: ulog_file(

@@ -66,11 +66,11 @@ def open_hdf5(path: Path, mapping: Mapping) -> Content:
                     f"{label} is a link to somewhere else, which is not followed for safety; save "
                     "the array itself"
                 )
-            kind = datasets[name].dtype
-            if kind.kind not in "iuf":
-                # Of texts, cells and the like, only the type is spoken of.
-                return np.empty(0, kind)
             try:
+                kind = datasets[name].dtype
+                if kind.kind not in "iuf":
+                    # Of texts, cells and the like, only the type is spoken of.
+                    return np.empty(0, kind)
                 taken[name] = _check(datasets[name], size, label)
                 check_size(sum(taken.values()), size, label)
                 # HDF5 keeps MATLAB's columns as rows.

@@ -26,6 +26,8 @@ _WIDTHS = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8}
 #: enough for any array's tags
 _LOOK = 4096
 _MOST_DIMENSIONS = 32
+#: MATLAB has names of 63 characters at most
+_LONGEST_NAME = 64
 
 _VERSION_4_WIDTHS = (8, 4, 4, 2, 2, 1)
 
@@ -82,7 +84,7 @@ def _matrix(data: bytes, order: str, size: int) -> tuple[str, int | None]:
         raise _damaged("an array without dimensions")
     shape = struct.unpack(f"{order}{len(dimensions) // 4}i", dimensions)
     at, kind, name = _element(data, at, order)
-    if kind != _NAME:
+    if kind != _NAME or len(name) > _LONGEST_NAME:
         raise _damaged("an array without a name")
     text = name.decode("latin-1")
     if word & 0xFF not in _NUMBERS:
@@ -126,7 +128,7 @@ def _version_4(file: IO[bytes], size: int) -> dict[str, int]:
         machine, rest = divmod(kind, 1000)
         width, matrix = rest // 10 % 10, rest % 10
         sound = 0 <= machine <= 4 and rest < 100 and width < len(_VERSION_4_WIDTHS)
-        if not sound or min(rows, columns) < 0 or not 0 < length <= _LOOK:
+        if not sound or min(rows, columns) < 0 or not 0 < length <= _LONGEST_NAME:
             raise _damaged(f"no array at byte {place}")
         name = file.read(length).rstrip(b"\0").decode("latin-1")
         parts = 2 if imaginary else 1
