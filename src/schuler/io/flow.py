@@ -12,13 +12,10 @@ import numpy as np
 
 from schuler.errors import InputError
 from schuler.io.content import Array, Block
-from schuler.io.limits import available_memory
+from schuler.io.limits import ROW_BYTES, available_memory
 from schuler.record import ImuRecord, Quality
 
 __all__ = ["Whole", "prefetch", "readable"]
-
-#: of a sample: time, dt, dtheta, dvel
-_ROW_BYTES = 64
 
 
 class Whole:
@@ -39,9 +36,9 @@ class Whole:
             # What is never touched takes no memory, so the guess may be generous.
             guess = int(n / progress * 1.05) if 0.0 < progress < 1.0 else n
             # A damaged count must not ask for more than there is.
-            guess = min(guess, available_memory() // _ROW_BYTES)
+            guess = min(guess, available_memory() // ROW_BYTES)
             room = max(n, guess if self._n == 0 else n + n // 2)
-            if n * _ROW_BYTES > available_memory():
+            if n * ROW_BYTES > available_memory():
                 raise InputError(
                     f"its {n} rows and more do not fit into memory; take a part with --start and "
                     "--stop"

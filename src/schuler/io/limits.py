@@ -8,13 +8,28 @@ from pathlib import Path
 
 from schuler.errors import InputError
 
-__all__ = ["LEAST", "RATIO", "available_memory", "check_size", "largest"]
+__all__ = [
+    "LEAST",
+    "RATIO",
+    "ROW_BYTES",
+    "STREAM_RATIO",
+    "available_memory",
+    "check_rows",
+    "check_size",
+    "largest",
+]
 
 #: what any file may expand to, however small it is: bytes
 LEAST = 128 << 20
 
 #: so many times a file's own size is the most that is taken from it
 RATIO = 50
+
+#: the same for samples of formats that are read in pieces; without noise, ours reach 40
+STREAM_RATIO = 200
+
+#: bytes of a sample in memory: time, dt, three angles, three velocities
+ROW_BYTES = 64
 
 _SHARE = 0.8
 _CGROUP = Path("/sys/fs/cgroup")
@@ -38,6 +53,29 @@ def available_memory() -> int:
 def largest(size: int) -> int:
     """Return how many bytes a file of `size` bytes may expand to, free memory left aside."""
     return max(LEAST, RATIO * size)
+
+
+def check_rows(rows: int, size: int) -> None:
+    """Refuse a number of rows that cannot be in a file which is read in pieces.
+
+    Parameters
+    ----------
+    rows : int
+        Rows that are announced.
+    size : int
+        Bytes of the file.
+
+    Raises
+    ------
+    InputError
+        If they take more than `STREAM_RATIO` times the file's size, as samples.
+    """
+    if rows * ROW_BYTES > max(LEAST, STREAM_RATIO * size):
+        raise InputError(
+            f"announces {rows} rows in {size} bytes, more than are taken from a file of that "
+            "size: it is damaged, or made to fill the memory; if it is right, save it without "
+            "compression"
+        )
 
 
 def check_size(wanted: int, size: int, what: str) -> None:

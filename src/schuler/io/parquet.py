@@ -11,6 +11,7 @@ import numpy as np
 from schuler.errors import InputError, shown
 from schuler.io.columns import choose
 from schuler.io.content import BLOCK_ROWS, Array, Block, Content
+from schuler.io.limits import check_rows
 from schuler.io.mapping import Mapping
 from schuler.io.own import own_mapping, own_name, parse_own
 from schuler.io.pages import check_pages
@@ -50,6 +51,7 @@ class ParquetReader:
                 )
         if rows == 0:
             raise InputError("has no data rows")
+        check_rows(rows, path.stat().st_size)
         # A seal is that of all columns.
         names = schema.names if sealed else [schema.names[i] for i in chosen.all]
         check_pages(path, names)

@@ -28,7 +28,7 @@ _BLOCK_BYTES = 4 << 20
 _HEAD = 1 << 16
 _LONGEST = 1 << 20
 #: how far before the data a file's layout is looked for
-_LONGEST_HEAD = 64 << 20
+_LONGEST_HEAD = 16 << 20
 _RECENT = 1 << 13
 _LOOK_BACK = 50
 #: what can stand after a whole number
@@ -74,13 +74,14 @@ def _look(file: IO[bytes], mapping: Mapping, stream: bool) -> tuple[bytes, Diale
     head = b""
     while True:
         # A pipe is not read ahead: what it holds now must be passed on now.
-        # As much again each time: else a long preamble would be gone through over and over.
-        size = max(_HEAD, len(head))
+        # Three times as much again each time: else a long preamble would be gone through over and over.
+        size = max(_HEAD, 3 * len(head))
         more = file.read1(size) if stream else file.read(size)  # type: ignore[attr-defined]
         head += more
         if len(head) > _LONGEST_HEAD:
             raise InputError(
-                f"has no row of numbers in its first {_LONGEST_HEAD >> 20} MB: this is no table"
+                f"has no row of numbers in its first {_LONGEST_HEAD >> 20} MB: cut off what is "
+                "before the table"
             )
         try:
             return head, detect(head, not more, mapping)
