@@ -74,7 +74,7 @@ def _look(file: IO[bytes], mapping: Mapping, stream: bool) -> tuple[bytes, Diale
     head = b""
     while True:
         # A pipe is not read ahead: what it holds now must be passed on now.
-        # Three times as much again each time: else a long preamble would be gone through over and over.
+        # More each time: else a long preamble would be gone through over and over.
         size = max(_HEAD, 3 * len(head))
         more = file.read1(size) if stream else file.read(size)  # type: ignore[attr-defined]
         head += more
