@@ -5,12 +5,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: help test demo lint bench docs picture clean
+.PHONY: help test fuzz demo lint bench docs picture clean
 
 help:
 	@echo "make test     run the tests (two at a time)"
+	@echo "make fuzz     damaged files, odd command lines, forged packets: the long leg (an hour)"
 	@echo "make demo     align a simulated truck and draw the report into out/"
-	@echo "make lint     style, types, and which room imports which"
+	@echo "make lint     style, types, and which module imports which"
 	@echo "make bench    time schuler beside its peers, into docs/benchmarks.md"
 	@echo "make docs     run all examples, build the documentation into site/"
 	@echo "make picture  redraw the README's picture"
@@ -36,6 +37,10 @@ $(VENV)/.with-%: pyproject.toml | $(BIN)/python
 test: $(VENV)/.with-dev
 	$(BIN)/python -m pytest -n 2 --dist worksteal $(PYTEST_ARGS)
 
+fuzz: $(VENV)/.with-dev
+	SCHULER_FUZZ_SCALE=$${SCHULER_FUZZ_SCALE:-50} $(BIN)/python -m pytest -n 2 --dist worksteal \
+	  tests/fuzz $(PYTEST_ARGS)
+
 demo: $(VENV)/.with-report
 	$(BIN)/schuler demo --out out/
 
@@ -57,6 +62,6 @@ picture: $(VENV)/.with-dev
 	$(BIN)/python docs/make_picture.py
 
 clean:
-	rm -rf $(VENV) build dist site out .pytest_cache .hypothesis .mypy_cache .ruff_cache \
+	rm -rf $(VENV) .venv-lowest build dist site out .pytest_cache .hypothesis .mypy_cache .ruff_cache \
 	  .import_linter_cache .coverage htmlcov
 	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
+import scipy
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -87,7 +89,7 @@ def test_euler_to_quat_and_back(psi, theta, gamma):
 
 @given(rotvecs())
 def test_rotvec_is_exact_for_any_angle(phi):
-    expected = Rotation.from_rotvec(phi).as_quat(scalar_first=True)
+    expected = Rotation.from_rotvec(phi).as_quat()[..., [3, 0, 1, 2]]
     assert same_rotation(at.rotvec_to_quat(phi), expected) < TIGHT
     angle = np.linalg.norm(phi)
     assert np.linalg.norm(at.rotvec_to_quat(phi)) == pytest.approx(1.0, abs=1e-15)
@@ -101,7 +103,7 @@ def test_product_is_the_composition_of_rotations(p, q):
     np.testing.assert_allclose(
         at.quat_to_matrix(product), at.quat_to_matrix(p) @ at.quat_to_matrix(q), atol=TIGHT
     )
-    expected = (at.to_scipy(p) * at.to_scipy(q)).as_quat(scalar_first=True)
+    expected = (at.to_scipy(p) * at.to_scipy(q)).as_quat()[..., [3, 0, 1, 2]]
     assert same_rotation(product, expected) < TIGHT
 
 
@@ -237,6 +239,20 @@ def test_heading_corners():
     assert at.psi_to_heading([[0.1, -0.1]]).shape == (1, 2)
 
 
+def test_the_nearest_rotation_of_a_mean_is_the_middle_one():
+    # Of turns by +a and -a about one axis the mean is no rotation; the nearest one is between.
+    q = at.rotvec_to_quat([[0.0, 0.0, 0.4], [0.0, 0.0, -0.4]])
+    middle = at.rotvec_to_quat([0.3, -0.2, 0.1])
+    mean = at.quat_to_matrix(middle) @ at.quat_to_matrix(q).mean(axis=0)
+    with pytest.raises(InputError, match="hold rotations"):
+        at.matrix_to_quat(mean)
+    assert same_rotation(at.nearest_quat(mean), middle) < TIGHT
+    many = at.nearest_quat(np.stack([mean, np.eye(3), 2 * np.eye(3)]))
+    np.testing.assert_allclose(many[1:], [[1, 0, 0, 0]] * 2, atol=TIGHT)
+    # A reflection is not returned, whatever comes in.
+    assert np.linalg.det(at.quat_to_matrix(at.nearest_quat(np.diag([1.0, 1.0, -1.0])))) > 0
+
+
 def test_leading_dimensions_go_through(rng):
     q = at.rotvec_to_quat(rng.normal(size=(2, 5, 3)))
     assert q.shape == (2, 5, 4)
@@ -249,7 +265,10 @@ def test_leading_dimensions_go_through(rng):
     assert at.rotate(q[0, 0], np.ones((7, 3))).shape == (7, 3)
     assert at.skew(np.ones((4, 3))).shape == (4, 3, 3)
     assert at.rotvec_to_quat(np.empty((0, 3))).shape == (0, 4)
-    assert at.to_scipy(q).as_quat().shape == (2, 5, 4)
+    assert at.to_scipy(q[0]).as_quat().shape == (5, 4)
+    many = tuple(map(int, scipy.__version__.split(".")[:2])) >= (1, 17)
+    with nullcontext() if many else pytest.raises(InputError, match="reshape it to"):
+        assert at.to_scipy(q).as_quat().shape == (2, 5, 4)
     row = at.multiply(q[1, 3], q[0, 2])
     np.testing.assert_array_equal(at.multiply(q[1, 3:4], q[0, 2:3])[0], row)
 

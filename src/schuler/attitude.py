@@ -24,6 +24,7 @@ __all__ = [
     "heading_to_psi",
     "matrix_to_quat",
     "multiply",
+    "nearest_quat",
     "psi_to_heading",
     "quat_to_euler",
     "quat_to_matrix",
@@ -103,6 +104,33 @@ def matrix_to_quat(matrix: ArrayLike) -> Array:
     return _call("quat_from_matrix_many", rows, 4).reshape((*m.shape[:-2], 4))
 
 
+def nearest_quat(matrix: ArrayLike) -> Array:
+    """Return the quaternions (..., 4), w >= 0, of the rotations nearest to matrices (..., 3, 3).
+
+    For matrices that were computed, as a mean of rotations is, and are rotations but for that.
+    Nearest in the sense of the Frobenius norm (Wahba's problem by singular value decomposition).
+
+    Raises
+    ------
+    InputError
+        If the shape is wrong.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> nearest_quat(1.1 * np.eye(3)).tolist()
+    [1.0, 0.0, 0.0, 0.0]
+    """
+    m = np.asarray(matrix, np.float64)
+    if m.ndim < 2 or m.shape[-2:] != (3, 3):
+        raise InputError(f"expected `matrix` to have shape (..., 3, 3), got {m.shape}")
+    u, _, vt = np.linalg.svd(m)
+    u = np.array(u)
+    u[..., 2] *= np.sign(np.linalg.det(u @ vt))[..., None]
+    rows = np.ascontiguousarray(u @ vt).reshape(-1, 3, 3)
+    return _call("quat_from_matrix_many", rows, 4).reshape((*m.shape[:-2], 4))
+
+
 def euler_to_quat(euler: ArrayLike) -> Array:
     """Return the quaternions (..., 4) of (psi, theta, gamma) (..., 3), rad."""
     shape, rows = _rows(euler, 3, "euler")
@@ -163,11 +191,25 @@ def heading_to_psi(heading: ArrayLike) -> Any:
 
 
 def to_scipy(quat: ArrayLike) -> Rotation:
-    """Return a `scipy.spatial.transform.Rotation` of quaternions (..., 4), scalar first here."""
+    """Return a `scipy.spatial.transform.Rotation` of quaternions (..., 4), scalar first here.
+
+    Raises
+    ------
+    InputError
+        If the shape is wrong, or has more dimensions than this version of SciPy holds.
+    """
     from scipy.spatial.transform import Rotation
 
     shape, rows = _rows(quat, 4, "quat")
-    return Rotation.from_quat(rows[:, [1, 2, 3, 0]].reshape((*shape, 4)))
+    try:
+        return Rotation.from_quat(rows[:, [1, 2, 3, 0]].reshape((*shape, 4)))
+    except ValueError:
+        if len(shape) < 2:
+            raise
+        raise InputError(
+            f"this version of SciPy holds rotations in one dimension, and `quat` has {len(shape)}; "
+            "reshape it to (n, 4), or install SciPy 1.17"
+        ) from None
 
 
 def from_scipy(rotation: Rotation) -> Array:

@@ -2,51 +2,61 @@
 
 from __future__ import annotations
 
-__all__ = ["InputError", "SchulerError", "shown"]
+__all__ = ["InputError", "SchulerError", "printable", "shown"]
 
 #: characters of a message; what a file brings into it has no end otherwise
 _LONGEST = 4000
 
 
-def shown(text: object) -> str:
-    r"""Return a text with every character that a terminal would act on written as an escape.
-
-    Texts from files (cells, column names, topics, paths) go through here before they reach a
-    message or a note.
-
-    Parameters
-    ----------
-    text : object
-        Anything that `str` turns into a text.
-
-    Examples
-    --------
-    >>> shown("gx\x1b[2J")
-    'gx\\x1b[2J'
-    """
-    text = str(text)
-    if text.isprintable():
-        return text
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
-
-
 class SchulerError(Exception):
     """Base of every error that schuler raises on purpose; the CLI prints it and exits with 2.
 
-    Control characters in the sentence are shown as escapes, line ends excepted, and a sentence
-    that a file has made endless loses its middle.
+    Its text is `printable`, and loses its middle where a file has made it endless.
     """
 
     def __init__(self, *args: object) -> None:
-        super().__init__(*(_sentence(arg) if isinstance(arg, str) else arg for arg in args))
+        super().__init__(*(_bounded(arg) if isinstance(arg, str) else arg for arg in args))
 
 
 class InputError(SchulerError, ValueError):
     """Something that was given (a file, a value, an option) cannot be used as it is."""
 
 
-def _sentence(text: str) -> str:
-    text = "\n".join(shown(line) for line in text.split("\n"))
-    if len(text) > _LONGEST:
-        text = f"{text[: _LONGEST - 1000]} ... {text[-900:]}"
-    return text
+def printable(text: str) -> str:
+    r"""Return a text whose control characters are made visible, as ``\x1b``.
+
+    Text of a file, or a file's name, must not reach a terminal as a command to it. Line feeds and
+    tabs stay.
+
+    Examples
+    --------
+    >>> print(printable("name\x1b[2J.csv"))
+    name\x1b[2J.csv
+    """
+    if text.isprintable():
+        return text
+    from unicodedata import category
+
+    # C: control, format (which can reverse text), lone surrogates; Zl, Zp: other line ends.
+    return "".join(
+        c.encode("unicode_escape").decode()
+        if c not in "\n\t" and (category(c)[0] == "C" or category(c) in ("Zl", "Zp"))
+        else c
+        for c in text
+    )
+
+
+def shown(text: object) -> str:
+    r"""Return a text from a file as it can stand in a sentence: without line feeds and tabs too.
+
+    Examples
+    --------
+    >>> shown("gx\n\x1b[2J")
+    'gx\\n\\x1b[2J'
+    """
+    return printable(str(text)).replace("\n", r"\n").replace("\t", r"\t")
+
+
+def _bounded(text: str) -> str:
+    text = printable(text)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1000]} ... {text[-900:]}"

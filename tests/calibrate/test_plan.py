@@ -146,14 +146,10 @@ def test_bad_input_is_one_sentence(call, text):
 @pytest.mark.slow
 def test_rounds_on_a_dask_cluster_are_those_of_threads():
     pytest.importorskip("distributed")
-    from distributed import LocalCluster
+    from schuler.campaign.execute import cluster_executor, local_cluster
 
-    from schuler.campaign.execute import cluster_executor
-
-    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "protocol": "tcp",
-               "dashboard_address": None, "host": "127.0.0.1", "silence_logs": 50}  # fmt: skip
     with (
-        LocalCluster(**options) as cluster,
+        local_cluster(1, processes=False, protocol="tcp") as cluster,
         cluster_executor(cluster.scheduler_address) as executor,
     ):
         far = plan(SMALL, seed=2, rounds=2, executor=executor)

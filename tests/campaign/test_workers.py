@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
+import socket
 import time
 
 import psutil
@@ -58,14 +60,24 @@ def test_any_number_of_workers_gives_the_same_bytes(scene_file, undisturbed, tmp
 
 
 def test_a_scheduler_elsewhere_gives_the_same_bytes(scene_file, undisturbed, tmp_path):
-    from distributed import LocalCluster
+    from schuler.campaign.execute import local_cluster
 
-    with LocalCluster(
-        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
-    ) as cluster:
+    with local_cluster(2) as cluster:
         address = cluster.scheduler_address
         finish(start(scene_file, tmp_path / "out", *RUNS, "--scheduler", address))
     assert digest(tmp_path / "out" / "results.parquet") == undisturbed
+
+
+def test_a_cluster_takes_no_port_that_another_program_may_hold():
+    from schuler.campaign.execute import local_cluster
+
+    with socket.socket() as holder:
+        with contextlib.suppress(OSError):  # held already: as well
+            holder.bind(("", 8787))
+            holder.listen()
+        # A library's warning would be an error here.
+        with local_cluster(1, processes=False, protocol="tcp") as cluster:
+            assert cluster.scheduler.http_server.port != 8787
 
 
 @pytest.mark.parametrize("workers", [("--workers", "0"), (), ("--workers", "2")], ids=str)

@@ -92,7 +92,7 @@ def test_centrifuge_prints_the_table_and_its_json(cli, tmp_path):
     code, text, _ = cli("calibrate", "centrifuge", "--simulate", 1, "--dwell", "10s", "--json",
                         tmp_path / "c.json", "--report", tmp_path / "c.html")  # fmt: skip
     assert code == 0
-    assert text.count("\n") == 47
+    assert text.count("\n") == 47 + len(("wrote c.json", "wrote c.html"))
     data = json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))
     schema("calibrate-centrifuge").validate(data)
     for row in data["rows"]:

@@ -33,7 +33,7 @@ def test_table_json_and_report(run, scene, tmp_path):
     done = run("campaign", scene, "--runs", 6, "--sweep", "duration=20s,30s", "--method", "centred",
                "--method", "analytic", "--workers", 0, "--json", "s.json", "--report",
                "r.html")  # fmt: skip
-    assert (done.code, done.err) == (0, "")
+    assert (done.code, done.err) == (0, "wrote s.json\nwrote r.html\n")
     assert done.out.count("duration = 30s") == 2
     assert (tmp_path / "base.campaign" / "results.parquet").exists()
     data = json.loads((tmp_path / "s.json").read_text())
@@ -81,13 +81,13 @@ def test_text_of_a_scenario_is_escaped_in_the_report(run, scene, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--runs", "0"], "one run at least"),
+        (["--runs", "0"], "from 1 to 10000000, got 0"),
         (["--sweep", "duration"], "expected key=value"),
         (["--sweep", "duration=20s,,30s"], "value between the commas is missing"),
         (["--sweep", "duration=20s,30"], "base with duration = 30: duration: expected time"),
         (["--sweep", "motion.yaw=1,2"], "base with motion.yaw = 1: motion.yaw: unknown key"),
         (["--method", "north"], "unknown method 'north'"),
-        (["--workers", "-2"], "--workers must be 0 or more"),
+        (["--workers", "-2"], "from 0 to 1000, got -2"),
         (["--workers", "2", "--scheduler", "tcp://127.0.0.1:9"], "give one of them"),
         (["--out", "base.toml"], "base.toml: cannot be made"),
         (["--report", "no/x.html"], "no/x.html"),

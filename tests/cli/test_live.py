@@ -195,7 +195,8 @@ def test_a_serial_port(record):
     [(["udp:5005"], "--lat"), (["tcp:5005", "--lat", "5"], "live source"),
      (["udp:x", "--lat", "5"], "port"), (["-", "--lat", "5", "--method", "kalman"], "whole record"),
      (["serial:/nowhere", "--lat", "5"], "cannot be opened"),
-     (["-", "--lat", "5", "--every", "0"], "positive"), (["-", "--lat", "5", "--depth", "1"], "4")],
+     (["-", "--lat", "5", "--every", "0"], "above 0 s"),
+     (["-", "--lat", "5", "--depth", "1"], "from 4 to")],
 )  # fmt: skip
 def test_bad_input(arguments, text, record):
     process = start(*arguments)

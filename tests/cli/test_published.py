@@ -20,7 +20,7 @@ def test_list(run):
 def test_run_writes_table_json_and_page(run, tmp_path):
     page, data = tmp_path / "p.html", tmp_path / "p.json"
     done = run("published", "run", "du2016", "--report", page, "--json", data)
-    assert (done.code, done.err) == (0, "")
+    assert (done.code, done.err) == (0, f"wrote {data}\nwrote {page}\n")
     assert "printed   document       best      limit" in done.out
     found = json.loads(data.read_text(encoding="utf-8"))
     schema("published").validate(found)
@@ -41,7 +41,7 @@ def test_json_alone_on_standard_output(run):
     [
         (("gou2015",), "'gou2015' is no published experiment; there are guo2015"),
         (("du2016", "--runs", "1"), "two runs"),
-        (("du2016", "--workers", "0"), "one worker"),
+        (("du2016", "--workers", "0"), "from 1 to 1000, got 0"),
         (("du2016", "--json", "nowhere/a.json"), "nowhere"),
     ],
 )

@@ -35,7 +35,7 @@ def scene(tmp_path, monkeypatch):
 
 def test_record_and_truth_are_written(run, scene, tmp_path):
     done = run("simulate", scene)
-    assert (done.code, done.err) == (0, "")
+    assert (done.code, done.err) == (0, "wrote truck.parquet\nwrote truck.truth.parquet\n")
     assert "truck: vehicle, 10 s at 50 Hz, 500 samples, seed 3" in done.out
     assert "record truck.parquet, truth truck.truth.parquet" in done.out
     made = load_scenario(scene).run()
@@ -81,16 +81,19 @@ def test_run_k_is_that_of_the_campaign(run, scene, tmp_path):
     ("arguments", "words"),
     [
         (["gone.toml"], "gone.toml: cannot be read"),
-        (["truck.toml", "--out", "x.imu"], "cannot write the format '.imu'"),
+        (["truck.toml", "--out", "x.imu"], "expected a name in .parquet or .csv or .npz"),
         (["truck.toml", "--out", "no/x.csv"], "there is no folder 'no'"),
-        (["truck.toml", "--truth", "x.csv"], "the truth is written as Parquet"),
-        (["truck.toml", "--out", "x.parquet", "--truth", "x.parquet"], "into the same file"),
+        (["truck.toml", "--truth", "x.csv"], "expected a name in .parquet"),
+        (
+            ["truck.toml", "--out", "x.parquet", "--truth", "x.parquet"],
+            "--truth and --out both name x.parquet",
+        ),
         (["truck.toml", "--set", "heading"], "expected key=value"),
         (["truck.toml", "--set", "a=1", "--set", "a=2"], "said twice"),
         (["truck.toml", "--set", "motion.heading=north"], "as set from outside: motion.heading"),
-        (["truck.toml", "--seed", "-1"], "seed: expected at least 0"),
-        (["truck.toml", "--run", "-1"], "--run must be 0 or more"),
-        (["truck.toml", "--seed", "x"], "is not a valid integer"),
+        (["truck.toml", "--seed", "-1"], "from 0 to"),
+        (["truck.toml", "--run", "-1"], "from 0 to"),
+        (["truck.toml", "--seed", "x"], "is not a whole number"),
     ],
 )
 def test_what_is_wrong_is_one_sentence(run, scene, arguments, words):

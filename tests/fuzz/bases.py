@@ -111,6 +111,18 @@ def bag(kind: str, part: str = "*.*[!l]", **options: Any) -> Make:
     return make
 
 
+def sidecar(folder: Path) -> Path:
+    put("a.csv", lambda: make_text(ROWS))(folder)
+    return put("a.csv.toml", lambda: SIDECAR)(folder)
+
+
+def asked(name: str, damaged: Path) -> Path:
+    """Return what is read where this file is damaged."""
+    if name.startswith(FOLDERS):
+        return damaged.parent
+    return damaged.with_suffix("") if name == "sidecar" else damaged
+
+
 def psins() -> str:
     rows = np.rint(ROWS[:, 1:] / 1e-5).astype(int).tolist()
     head = "% PSINS\n0 0 0 0 0 0\n40 116 50 0 10 9.8\n0.1 0.1 0.1 20 20 20\n"
@@ -141,6 +153,16 @@ def truth(folder: Path) -> Path:
     return folder / "a.parquet"
 
 
+SIDECAR = """columns = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
+gyro = "0.1 deg/s"
+accel = "mg"
+time = "s"
+axes = "FRD"
+delimiter = ","
+skip_rows = 0
+header = true
+mean_rates = false
+"""
 KF = {"format": "kf-gins"}
 RAD = {"gyro": "rad", "accel": "m/s"}
 
@@ -183,6 +205,7 @@ BASES: dict[str, tuple[str, Make, dict[str, Any], bool]] = {
     "novatel-binary": ("record", put("a.gps", lambda: novatel(novatel_binary)), {}, False),
     "kf-gins-text": ("record", put("a.txt", lambda: make_text(ROWS, " ", header=None)), KF, False),
     "kf-gins-binary": ("record", put("a.bin", ROWS.tobytes), KF, False),
+    "sidecar": ("record", sidecar, {}, False),
     "reference": ("reference", put("a.csv", reference), {}, False),
     "truth": ("reference", truth, {}, True),
 }  # fmt: skip

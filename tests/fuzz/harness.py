@@ -24,6 +24,11 @@ PATIENCE = 60.0
 #: bytes
 MOST_MEMORY = 600 << 20
 
+#: nested without end, numbers without end, orders to a terminal, ends of texts
+FORGED = (b"[" * 100_000, b'{"a":' * 50_000, b"9" * 6000, b"1e999", b"nan", b"-", b"\x1b[31m",
+          b"\x00", b"\n", b"\r", b'"', b",", b"\xff\xfe", b"\xe2\x80\xae")  # fmt: skip
+_MARKS = (b"=", b":", b",", b" ", b"\n", b"{", b"[", b"1")
+
 
 def scale() -> float:
     """Return how many times the short leg is asked for."""
@@ -44,7 +49,7 @@ def mutate(rng: np.random.Generator, data: bytes) -> bytes:
         at = place()
         return at, min(n, at + int(2.0 ** rng.uniform(0, 12)))
 
-    kind = rng.integers(9)
+    kind = rng.integers(10)
     if kind == 0:
         for _ in range(rng.integers(1, 9)):
             out[place() % n] ^= 1 << rng.integers(8)
@@ -73,9 +78,14 @@ def mutate(rng: np.random.Generator, data: bytes) -> bytes:
                  bytes(width), bytes(max(0, width - 2)) + b"\x10\x00"][rng.integers(5)]  # fmt: skip
         at = place() // width * width if rng.integers(2) else place()
         out[at : at + width] = value[:width]
-    else:
+    elif kind == 8:
         a, b = block()
         del out[a:b]
+    else:
+        # After a mark of a text, if there is one: what a parser may choke on.
+        at = out.find(_MARKS[rng.integers(len(_MARKS))], place())
+        at = place() if at < 0 else at + 1
+        out[at:at] = FORGED[rng.integers(len(FORGED))]
     return bytes(out)
 
 

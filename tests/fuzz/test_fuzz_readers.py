@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from schuler.io import readers
-from tests.fuzz.bases import BASES, FOLDERS
+from tests.fuzz.bases import BASES, FOLDERS, asked
 from tests.fuzz.harness import Worker, judge, keep, mutate, scale
 
 #: mutations of each base in the short leg
@@ -31,7 +31,7 @@ def test_every_reader_is_here(tmp_path: Path) -> None:
 
     found = set()
     for name, (work, make, options, _) in BASES.items():
-        if work == "record" and name != "csv-gzip" and not name.startswith(FOLDERS):
+        if work == "record" and not name.startswith((FOLDERS, "csv-gzip", "sidecar")):
             (tmp_path / name).mkdir()
             path = make(tmp_path / name)
             head = path.read_bytes()[:65536]
@@ -45,8 +45,7 @@ def test_damage_is_refused_or_survived(name: str, worker: Worker, tmp_path: Path
     (tmp_path / "base").mkdir()
     base = make(tmp_path / "base")
     whole = base.read_bytes()
-    whole_folder = name.startswith(FOLDERS)
-    sound = worker.ask(work, base.parent if whole_folder else base, options)
+    sound = worker.ask(work, asked(name, base), options)
     assert sound.end == ("refused" if name == "csv-gzip" else "used"), sound.text
     unchanged = {sound.text} if sealed else None
     rng = np.random.default_rng(zlib.crc32(name.encode()))
@@ -55,8 +54,7 @@ def test_damage_is_refused_or_survived(name: str, worker: Worker, tmp_path: Path
     found = []
     for trial in range(int(SHORT * scale())):
         path.write_bytes(mutate(rng, whole))
-        asked = path.parent if whole_folder else path
-        wrong = judge(worker.ask(work, asked, options), unchanged)
+        wrong = judge(worker.ask(work, asked(name, path), options), unchanged)
         if wrong is not None:
             found.append(f"{name}, mutation {trial}: {wrong}")
             keep(path, f"{name}-{trial}-{path.name}")

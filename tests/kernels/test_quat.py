@@ -81,7 +81,7 @@ def test_averages_are_the_mean_of_a_turning_vector(angle):
     )
     c1, c2 = quat.rotation_averages(angle * angle)
     got = v + c1 * np.cross(phi, v) + c2 * np.cross(phi, np.cross(phi, v))
-    np.testing.assert_allclose(got, mean, rtol=0, atol=3e-15)
+    np.testing.assert_allclose(got, mean, rtol=0, atol=2e-14)
 
 
 def test_hamilton_product_table():

@@ -28,7 +28,7 @@ def grid(n, dt, start=0.0):
 
 def rotation_of(row):
     """Return SciPy's rotation of a node's or state's quaternion."""
-    return Rotation.from_quat(row[2:6], scalar_first=True)
+    return Rotation.from_quat(row[[3, 4, 5, 2]])
 
 
 def noisy(n=500, dt=0.01, seed=3):
@@ -139,7 +139,7 @@ def coning_drift(n_sub, alpha, half_angle=1e-3, coning=1.0):
     def truth(t):
         s = math.sin(half_angle / 2)
         q = [math.cos(half_angle / 2), s * math.cos(omega * t), s * math.sin(omega * t), 0.0]
-        return Rotation.from_quat(q, scalar_first=True)
+        return Rotation.from_quat(np.asarray(q)[..., [1, 2, 3, 0]])
 
     def error(row):
         return (rotation_of(row) * (truth(0.0).inv() * truth(row[0])).inv()).as_rotvec()

@@ -228,5 +228,5 @@ def test_a_page_appears_whole_or_not_at_all(
 
 
 def test_a_folder_that_is_not_there(fix: Alignment, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be written"):
+    with pytest.raises(InputError, match="there is no folder"):
         report(fix, tmp_path / "no" / "r.html")

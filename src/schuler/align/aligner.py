@@ -24,7 +24,7 @@ from schuler.align.methods import (
     with_prefilter,
 )
 from schuler.align.result import Alignment
-from schuler.attitude import matrix_to_quat
+from schuler.attitude import nearest_quat
 from schuler.constants import ARCMIN
 from schuler.earth import Site
 from schuler.errors import InputError
@@ -301,7 +301,7 @@ class Aligner:
             end=float(self._tail[0][-1]),
             samples=self.samples,
             at=self.at,
-            quaternion=matrix_to_quat(found.attitude),
+            quaternion=nearest_quat(found.attitude),
             covariance=found.covariance,
             budget=found.budget,
             bound=bound,

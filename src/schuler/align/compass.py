@@ -17,7 +17,7 @@ from schuler.align.fine import FinePass, FineResult, vehicle_motion
 from schuler.align.history import History, inertial_to_local
 from schuler.align.inertial import solve
 from schuler.align.methods import Gyrocompass
-from schuler.attitude import matrix_to_quat, quat_to_matrix
+from schuler.attitude import nearest_quat, quat_to_matrix
 from schuler.constants import DEG
 from schuler.earth import Site
 from schuler.errors import InputError
@@ -89,7 +89,7 @@ def compass_alignment(
     row = int(np.searchsorted(h.t, max(0.15 * h.duration, 20.0)))
     r = solve(h.until(row), g, lat, "centred")
     state, cfg = np.zeros(STATE_SIZE), np.zeros(25)
-    state[1:5] = matrix_to_quat(inertial_to_local(0.0, lat) @ r)
+    state[1:5] = nearest_quat(inertial_to_local(0.0, lat) @ r)
     cfg[:3], cfg[3] = rate, g
     cfg[23:] = not record.coning_corrected, not record.sculling_corrected
     first = method.level_share * record.duration

@@ -12,7 +12,7 @@ from schuler.align.fine import FinePass
 from schuler.align.inertial import MINIMUM_ROWS
 from schuler.align.methods import Fine, Gyrocompass
 from schuler.align.result import Alignment
-from schuler.attitude import matrix_to_quat, psi_to_heading, quat_to_euler
+from schuler.attitude import nearest_quat, psi_to_heading, quat_to_euler
 from schuler.constants import ARCMIN, DEG
 from schuler.errors import InputError
 
@@ -61,7 +61,7 @@ def convergence(fix: Alignment, points: int = 60) -> Convergence:
         except InputError:
             # The first instants may not fix an attitude yet; the curve starts where they do.
             continue
-        psi = quat_to_euler(matrix_to_quat(e.attitude))[0]
+        psi = quat_to_euler(nearest_quat(e.attitude))[0]
         sigma = float(np.sqrt(e.covariance[2, 2])) / ARCMIN
         found.append((part.duration, float(psi_to_heading(psi)) / DEG, sigma))
     t, heading, sigma_arcmin = (np.array(c) for c in zip(*found, strict=True))

@@ -22,8 +22,8 @@ from schuler.align.inertial import solve
 from schuler.align.joint import Joint, joint
 from schuler.align.methods import Fine
 from schuler.attitude import (
-    matrix_to_quat,
     multiply,
+    nearest_quat,
     quat_to_matrix,
     quat_to_rotvec,
     rotvec_to_quat,
@@ -320,7 +320,7 @@ def fine_alignment(
         (not record.coning_corrected, not record.sculling_corrected),
     )  # fmt: skip
     wander = method.azimuth == "large"
-    q = _levelled(record) if wander else matrix_to_quat(inertial_to_local(0.0, site.latitude) @ r)
+    q = _levelled(record) if wander else nearest_quat(inertial_to_local(0.0, site.latitude) @ r)
     biases = np.zeros(6)
     if wander:
         return _wandering(setting, record, q, at_end)

@@ -37,8 +37,8 @@ from schuler.align.inertial import Weights, solve
 from schuler.align.limit import Position
 from schuler.align.uncertainty import mean_attitude, part_covariance
 from schuler.attitude import (
-    matrix_to_quat,
     multiply,
+    nearest_quat,
     quat_to_euler,
     quat_to_matrix,
     quat_to_rotvec,
@@ -126,7 +126,7 @@ class Joint:
             middle = (begin + end) // 2
             t = 0.5 * (h.t[middle] + h.t[middle + 1])
             c = inertial_to_local(float(t), site.latitude) @ self.attitude[middle]
-            psi, theta, gamma = quat_to_euler(matrix_to_quat(c)) / DEG
+            psi, theta, gamma = quat_to_euler(nearest_quat(c)) / DEG
             turn = float(h.t[begin] - h.t[before]) if before else 0.0
             out.append(
                 Position(float(psi), float(theta), float(gamma), float(h.t[end] - h.t[begin]), turn)
@@ -150,7 +150,7 @@ def _noise(
 
 def _turns(q: Array, r: Array, local: Array, dwells: tuple[tuple[int, int], ...]) -> Array:
     """Return the turn (m, 3) from the middle attitude of each dwell, east, north, up, rad."""
-    attitude = multiply(matrix_to_quat(local @ r), q)
+    attitude = multiply(nearest_quat(local @ r), q)
     out = np.zeros((len(q), 3))
     for begin, end in dwells:
         back = attitude[(begin + end) // 2] * [1.0, -1.0, -1.0, -1.0]

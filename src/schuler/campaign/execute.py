@@ -14,7 +14,7 @@ from schuler.campaign.chunk import Chunk, run_chunk
 from schuler.campaign.worker import ONE_THREAD, start
 from schuler.errors import InputError, SchulerError
 
-__all__ = ["cluster_executor", "execute"]
+__all__ = ["cluster_executor", "execute", "local_cluster"]
 
 _DEATHS = 5
 """So many chunks in a row may lose their worker before it is the campaign's fault."""
@@ -134,7 +134,7 @@ def _pool() -> Iterator[tuple[Executor, int]]:
 def _dask(workers: int | None, scheduler: str | None) -> Iterator[tuple[Executor, int]]:
     try:
         import dask
-        from distributed import Client, LocalCluster
+        from distributed import Client
     except ImportError:
         raise SchulerError(
             "--workers and --scheduler need Dask, which is not installed: "
@@ -152,7 +152,7 @@ def _dask(workers: int | None, scheduler: str | None) -> Iterator[tuple[Executor
     with dask.config.set(settings):
         if scheduler is None:
             with (
-                _cluster(LocalCluster, workers or 1) as cluster,
+                local_cluster(workers or 1) as cluster,
                 Client(cluster, set_as_default=False) as client,
                 client.get_executor(pure=False) as executor,
             ):
@@ -183,14 +183,36 @@ def cluster_executor(scheduler: str) -> Iterator[Executor]:
         yield executor
 
 
-def _cluster(local_cluster: Any, workers: int) -> Any:
-    """Return a local cluster; one whose worker dies while it starts is started again."""
+def local_cluster(workers: int, **settings: Any) -> Any:
+    """Return a Dask cluster on this machine; one whose worker dies at the start is started again.
+
+    Parameters
+    ----------
+    workers : int
+        Processes of one thread each.
+    **settings
+        Of `distributed.LocalCluster`, in the place of those that are set here.
+
+    Raises
+    ------
+    SchulerError
+        If it cannot be started.
+    """
+    from distributed import LocalCluster
+
+    settings = {
+        "n_workers": workers, "threads_per_worker": 1, "processes": True, "host": "127.0.0.1",
+        "dashboard_address": None, "silence_logs": 50,
+        # Without a dashboard there is still a port for the state of health: a free one, as the
+        # usual one may be taken.
+        "scheduler_kwargs": {"dashboard_address": "127.0.0.1:0"},
+        **settings,
+    }  # fmt: skip
+    if settings["processes"]:
+        settings.setdefault("env", dict(ONE_THREAD))
     for attempt in range(1, _STARTS + 1):
         try:
-            return local_cluster(
-                n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
-                dashboard_address=None, silence_logs=50, env=dict(ONE_THREAD),
-            )  # fmt: skip
+            return LocalCluster(**settings)
         except RuntimeError as error:
             if attempt == _STARTS:
                 raise SchulerError(

@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from schuler._files import replacing
+from schuler._files import parse_json, replacing
 from schuler.campaign.chunk import Chunk, schema
 from schuler.campaign.plan import Campaign
 from schuler.errors import InputError
@@ -42,6 +42,11 @@ class Store:
         self.results = self.folder / "results.parquet"
         #: what was found damaged and is computed again
         self.notes: list[str] = []
+
+    def files(self) -> list[Path]:
+        """Return the files that the store keeps or would keep; no output may be one of them."""
+        parts = sorted(self.parts.glob("part-*.parquet"))
+        return [self.manifest, self.results, self.folder / ".lock", *parts]
 
     @contextmanager
     def held(self) -> Iterator[None]:
@@ -86,8 +91,8 @@ class Store:
             with replacing(self.manifest) as temporary:
                 temporary.write_text(text, encoding="utf-8")
         try:
-            found = json.loads(self.manifest.read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError):
+            found = parse_json(self.manifest.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
             found = None
         if not isinstance(found, dict):
             raise InputError(

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
+from contextlib import suppress
 from importlib import import_module
+from typing import NoReturn
 
 import click
 
 from schuler import __version__
-from schuler.errors import SchulerError
+from schuler.cli.command import Group
+from schuler.errors import SchulerError, printable
 
 __all__ = ["cli", "main"]
 
@@ -45,7 +50,11 @@ _MAP = {
 _COMMANDS = [name for group in _MAP.values() for name in group]
 
 
-class _LazyGroup(click.Group):
+#: errors of writing; files are written by `replacing`, which gives them a name
+_OF_A_STREAM = (errno.ENOSPC, errno.EIO, errno.EPIPE, errno.EBADF, errno.EFBIG, errno.EDQUOT)
+
+
+class _LazyGroup(Group):
     """A group that imports a command only when it is called or asked for help."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -63,12 +72,12 @@ class _LazyGroup(click.Group):
                 formatter.write_dl([(f"{name:<10}", text) for name, text in group.items()])
 
 
-@click.command(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.command(cls=_LazyGroup)
 @click.version_option(__version__, prog_name="schuler")
 def cli() -> None:
     """Inertial alignment, calibration and error control.
 
-    From a raw record of gyros and accelerometers to true north, with an honest uncertainty.
+    From a raw record of gyros and accelerometers to true north, with the uncertainty that it has.
 
     \b
       schuler demo                                        try it without a record
@@ -79,24 +88,77 @@ def cli() -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line; every foreseen error is one sentence and exit code 2."""
+    """Run the command line.
+
+    Every foreseen error is one sentence and exit code 2; what nobody foresaw is one sentence, how
+    to report it, and exit code 70.
+    """
     try:
         code = cli.main(args=arguments, prog_name="schuler", standalone_mode=False)
-    except SchulerError as error:
-        _stop(str(error), 2)
-    except click.UsageError as error:
-        hint = f" (see {error.ctx.command_path} --help)" if error.ctx else ""
-        _stop(f"{error.format_message().rstrip('.')}{hint}", 2)
-    except click.ClickException as error:
-        _stop(error.format_message(), 2)
-    except (click.Abort, KeyboardInterrupt):
-        _stop("stopped", 130)
-    except MemoryError:
-        _stop("there is not enough memory for this; cut the record with --start and --stop", 2)
+        # What cannot be written is found out when it is, not when the process ends.
+        sys.stdout.flush()
+    except SystemExit:
+        raise
+    except BaseException as error:
+        given = sys.argv[1:] if arguments is None else arguments
+        _end(error, "--debug" in given or os.environ.get("SCHULER_DEBUG") == "1")
     else:
         sys.exit(code if isinstance(code, int) else 0)
 
 
-def _stop(text: str, code: int) -> None:
-    click.echo(f"schuler: {' '.join(text.split())}", err=True)
+def _end(error: BaseException, debug: bool) -> NoReturn:
+    """Say an error in one sentence, and end with its exit code."""
+    if isinstance(error, SchulerError):
+        _stop(str(error), 2)
+    if isinstance(error, click.UsageError):
+        hint = f" (see {error.ctx.command_path} --help)" if error.ctx else ""
+        _stop(f"{error.format_message().rstrip('.')}{hint}", 2)
+    if isinstance(error, click.ClickException):
+        _stop(error.format_message(), 2)
+    if isinstance(error, click.Abort | KeyboardInterrupt):
+        # Click takes an end of file for Ctrl-C; nothing here asks questions.
+        if isinstance(error.__cause__, EOFError):
+            _fault(error.__cause__, debug)
+        _stop("stopped", 130)
+    if isinstance(error, MemoryError):
+        _stop("there is not enough memory for this; cut the record with --start and --stop", 2)
+    if isinstance(error, OSError) and error.filename is not None:
+        _stop(f"{error.filename}: {error.strerror or error}", 2)
+    if isinstance(error, OSError) and error.errno in _OF_A_STREAM:
+        _give_up_standard_output()
+        _stop(f"standard output: cannot be written ({error.strerror or error})", 2)
+    _fault(error, debug)
+
+
+def _give_up_standard_output() -> None:
+    """Let what is left go nowhere: Python would try again at the end, in words of its own."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _fault(error: BaseException, debug: bool) -> NoReturn:
+    """Say a fault of schuler itself, and how to report it."""
+    if debug:
+        import traceback
+
+        traceback.print_exception(error)
+    last = error.__traceback__
+    while last is not None and last.tb_next is not None:
+        last = last.tb_next
+    where = "" if last is None else (
+        f" ({os.path.basename(last.tb_frame.f_code.co_filename)}, line {last.tb_lineno})"
+    )  # fmt: skip
+    what = " ".join(f"{type(error).__name__}: {error}".split())
+    if len(what) > 200:
+        what = f"{what[:200]}..."
+    _stop(
+        f"internal fault, {what}{where}; please report this line with the command and the "
+        "version; --debug shows where it came from",
+        70,
+    )
+
+
+def _stop(text: str, code: int) -> NoReturn:
+    with suppress(OSError):
+        click.echo(f"schuler: {printable(' '.join(text.split()))}", err=True)
     sys.exit(code)

@@ -11,18 +11,20 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler import __version__
+from schuler.cli.command import Command, echo, wants_text
 from schuler.cli.common import (
-    Seconds,
-    check_outputs,
     emit_json,
     file_options,
+    json_option,
     open_file,
     progress,
+    report_option,
     say_warnings,
     site_options,
     site_or_none,
 )
 from schuler.cli.completion import methods, prefilters, specs
+from schuler.cli.parameters import InputFile, Seconds
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -34,7 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 
-@click.command("align", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("align", cls=Command)
 @file_options
 @site_options
 @click.option(
@@ -56,12 +58,14 @@ __all__ = ["command"]
 )
 @click.option(
     "--spec",
+    type=InputFile(),
     metavar="GRADE|TOML",
     shell_complete=specs,
     help="The instrument: navigation-rlg, navigation-fog, tactical-fog, industrial-mems or a file.",
 )
 @click.option(
     "--calibration",
+    type=InputFile(),
     metavar="TOML",
     help="Apply a calibration (of `schuler calibrate`) to the record first.",
 )
@@ -72,14 +76,16 @@ __all__ = ["command"]
     show_default=True,
     help="The instant of the attitude.",
 )
-@click.option("--windows", type=Seconds(), help="Align each window of this length as well.")
+@click.option(
+    "--windows", type=Seconds(above=0.0), help="Align each window of this length as well."
+)
 @click.option(
     "--find-latitude", is_flag=True, help="Find the latitude too; --lat is not needed then."
 )
 @click.option("--follow", is_flag=True, help="Read on while the file (or - ) grows, live.")
-@click.option("--idle", type=Seconds(), help="With --follow: end after so long without data.")
-@click.option("--json", "json_to", metavar="OUT", help="Write the result as JSON (- : here).")
-@click.option("--report", "report_to", metavar="OUT.html", help="Write an interactive report.")
+@click.option("--idle", type=Seconds(0.0), help="With --follow: end after so long without data.")
+@json_option()
+@report_option("Write an interactive report.")
 def command(**options: Any) -> None:
     """Find the heading, pitch and roll of a standing vehicle from FILE (- : standard input).
 
@@ -117,7 +123,6 @@ def command(**options: Any) -> None:
     site = site_or_none(options, source)
     if site is None:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
-    check_outputs(json_to, report_to)
     method = with_prefilter(parse_method(name), parse_prefilter(prefilter, site.gravity))
     if report_to is not None:
         from schuler.report.page import graph_objects
@@ -152,7 +157,7 @@ def command(**options: Any) -> None:
         from schuler.report import report
 
         report(windows or fix, report_to)
-    if json_to != "-":
+    if wants_text():
         _print(fix, windows)
     finish()
     say_warnings(fix.warnings)
@@ -173,7 +178,6 @@ def _without_latitude(
         options.pop(key)
     height = options.pop("height") or 0.0
     source, finish = open_file(options)
-    check_outputs(json_to, report_to)
     with progress(source, source.chunks(start=span[0], stop=span[1])) as chunks:
         read: Iterable[ImuRecord] = chunks
         if calibration_from is not None:
@@ -195,8 +199,8 @@ def _without_latitude(
         from schuler.report import report
 
         report(fix, report_to)
-    if json_to != "-":
-        click.echo(str(found).partition("\nwarning: ")[0])
+    if wants_text():
+        echo(str(found).partition("\nwarning: ")[0])
     finish()
     say_warnings(fix.warnings)
 
@@ -234,19 +238,19 @@ def _with_source(
 def _print(fix: Alignment, windows: Windows | None) -> None:
     """Print the result for people: plain lines, nothing else."""
     if windows is not None:
-        click.echo(f"{'start s':>10}  {'end s':>10}  {'heading deg':>11}  {'pitch deg':>9}  "
+        echo(f"{'start s':>10}  {'end s':>10}  {'heading deg':>11}  {'pitch deg':>9}  "
                    f"{'roll deg':>9}  {'sigma':>8}")  # fmt: skip
         for w in windows.each:
-            click.echo(
+            echo(
                 f"{w.start:10.2f}  {w.end:10.2f}  {w.heading_deg:11.4f}  {w.pitch_deg:9.4f}  "
                 f"{w.roll_deg:9.4f}  {w.sigma_arcmin[2]:7.2f}'"
             )
-        click.echo(str(windows))
-        click.echo("whole span:")
-    click.echo(str(fix).split("\nwarning: ")[0])
+        echo(str(windows))
+        echo("whole span:")
+    echo(str(fix).split("\nwarning: ")[0])
     shares = sorted(fix.budget_arcmin2.items(), key=lambda item: -item[1])
     parts = ", ".join(f"{name.replace('_', ' ')} {value**0.5:.2g}'" for name, value in shares)
-    click.echo(f"heading budget (1 sigma): {parts}")
+    echo(f"heading budget (1 sigma): {parts}")
 
 
 def _follow(
@@ -276,10 +280,10 @@ def _follow(
             if live:
                 click.echo(f"\r\x1b[K{line}", nl=False)
             else:
-                click.echo(line, err=quiet)
+                echo(line, err=quiet)
     except KeyboardInterrupt:
         # The way to end a live alignment: the result so far is wanted.
         pass
     if live:
-        click.echo()
+        echo()
     return aligner.solution()

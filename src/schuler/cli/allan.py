@@ -6,14 +6,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from schuler.cli.command import Command, echo, wants_text
 from schuler.cli.common import (
-    check_outputs,
     emit_json,
     file_options,
+    json_option,
     open_file,
     progress,
+    report_option,
     say_warnings,
 )
+from schuler.cli.parameters import OutputFile
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 
-@click.command("allan", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("allan", cls=Command)
 @file_options
 @click.option(
     "--kind",
@@ -40,10 +43,13 @@ __all__ = ["command"]
     multiple=True,
     help="Only this one: gyro-x, accel-z ... (may be given several times).",
 )
-@click.option("--json", "json_to", metavar="OUT", help="Write the result as JSON (- : here).")
-@click.option("--report", "report_to", metavar="OUT.html", help="Draw the curves and the fit.")
+@json_option()
+@report_option("Draw the curves and the fit.")
 @click.option(
-    "--save-spec", metavar="OUT.toml", help="Write the fitted noise as a specification (--spec)."
+    "--save-spec",
+    type=OutputFile(".toml"),
+    metavar="OUT.toml",
+    help="Write the fitted noise as a specification (--spec).",
 )
 def command(**options: Any) -> None:
     """Tell the noise of each sensor from FILE, a record of an instrument at rest.
@@ -66,7 +72,6 @@ def command(**options: Any) -> None:
     json_to, report_to, spec_to = (options.pop(k) for k in ("json_to", "report_to", "save_spec"))
     start, stop = options.pop("start"), options.pop("stop")
     source, finish = open_file(options)
-    check_outputs(json_to, report_to, spec_to)
     if report_to is not None:
         from schuler.report.page import graph_objects
 
@@ -93,7 +98,7 @@ def command(**options: Any) -> None:
         allan_report(found, fit, report_to)
     if spec_to is not None and fit is not None:
         save_spec(fit, spec_to)
-    if json_to != "-":
+    if wants_text():
         _print(found, fit)
     finish()
     say_warnings(warnings)
@@ -118,7 +123,7 @@ def _print(found: Allan, fit: NoiseFit | None) -> None:
     from schuler.sensors.allan_output import curve_lines, fit_lines
 
     for line in curve_lines(found):
-        click.echo(line)
+        echo(line)
     if fit is not None:
         for line in fit_lines(fit):
-            click.echo(line)
+            echo(line)

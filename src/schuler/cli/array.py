@@ -6,23 +6,25 @@ from typing import Any
 
 import click
 
-from schuler.cli.common import Seconds, check_outputs, emit_json
+from schuler.cli.command import Command, echo, wants_text
+from schuler.cli.common import emit_json, json_option, report_option
+from schuler.cli.parameters import Number, Seconds
 
 __all__ = ["command"]
 
 
-@click.command("array", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("array", cls=Command)
 @click.argument("geometry", metavar="NAME|TOML")
 @click.option("--mtbf", type=float, default=5000.0, show_default=True, metavar="H",
               help="Mean life of one sensor, h.")  # fmt: skip
-@click.option("--weibull", type=float, default=1.0, show_default=True, metavar="K",
+@click.option("--weibull", type=Number(0.01, 100.0), default=1.0, show_default=True, metavar="K",
               help="Shape of the lives: 1 is exponential.")  # fmt: skip
-@click.option("--coverage", type=float, default=1.0, show_default=True, metavar="C",
+@click.option("--coverage", type=Number(0.0, 1.0), default=1.0, show_default=True, metavar="C",
               help="Chance that a failure is found and shut out.")  # fmt: skip
 @click.option("--mission", default="1000h,2000h,5000h,10000h", show_default=True, metavar="LIST",
               help="Times at which the reliability is told.")  # fmt: skip
-@click.option("--json", "json_to", metavar="OUT", help="Write the figures as JSON (- : here).")
-@click.option("--report", "report_to", metavar="OUT.html", help="Draw variances and reliability.")
+@json_option("Write the figures as JSON (- : here).")
+@report_option("Draw variances and reliability.")
 def command(**options: Any) -> None:
     """Say what an array of gyros is worth: fusion, failures, reliability.
 
@@ -40,7 +42,6 @@ def command(**options: Any) -> None:
     reliability = Reliability(array, life, options["coverage"])
     convert = Seconds().convert
     hours = [convert(t.strip(), None, None) / 3600.0 for t in options["mission"].split(",")]
-    check_outputs(options["json_to"], options["report_to"])
     figures = array.figures()
     gram = array.h.T @ array.h
     data = {
@@ -68,7 +69,7 @@ def command(**options: Any) -> None:
         from schuler.report.array import array_report
 
         array_report(array, reliability, options["report_to"])
-    if options["json_to"] != "-":
+    if wants_text():
         _print(data)
 
 
@@ -88,20 +89,20 @@ def _triad(life: Any, coverage: float) -> float:
 
 
 def _print(data: dict[str, Any]) -> None:
-    click.echo(f"{data['name']}: {data['sensors']} sensors, total variance "
+    echo(f"{data['name']}: {data['sensors']} sensors, total variance "
                f"{data['total_variance']:.4g} (at best {9 / data['sensors']:.4g})")  # fmt: skip
-    click.echo(f"{'working':<14} {'x':>7} {'y':>7} {'z':>7} {'total':>7}")
+    echo(f"{'working':<14} {'x':>7} {'y':>7} {'z':>7} {'total':>7}")
     for key, v in data["subset_variance"].items():
         if key.count(",") >= data["sensors"] - 2:
-            click.echo(f"{key:<14} {v[0]:7.4f} {v[1]:7.4f} {v[2]:7.4f} {sum(v):7.4f}")
+            echo(f"{key:<14} {v[0]:7.4f} {v[1]:7.4f} {v[2]:7.4f} {sum(v):7.4f}")
     if not data["isolable"]:
-        click.echo(
+        echo(
             "one wrong sensor can be seen, not told, from the parity alone"
             if data["sensors"] > 3 else "a wrong sensor cannot be seen: there is no redundancy"
         )  # fmt: skip
-    click.echo(
+    echo(
         f"MTBF {data['mtbf_h']:.1f} h, {data['mtbf_ratio_to_triad']:.3g} times that of three "
         f"(one sensor {data['sensor_mtbf_h']:g} h, coverage {data['coverage']:g})"
     )
     told = ", ".join(f"{v:.4f} at {t} h" for t, v in data["reliability"].items())
-    click.echo(f"reliability {told}")
+    echo(f"reliability {told}")

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from schuler.cli.command import Group, echo, wants_text
 from schuler.cli.common import (
-    Seconds,
-    check_outputs,
     emit_json,
     file_options,
+    json_option,
     open_file,
+    report_option,
     site_options,
     site_or_none,
 )
 from schuler.cli.completion import files, specs
+from schuler.cli.parameters import Count, InputFile, Number, OutputFile, Seconds
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,27 +28,37 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 
-@click.group("calibrate", context_settings={"help_option_names": ["-h", "--help"]})
+@click.group("calibrate", cls=Group)
 def command() -> None:
     """Find an instrument's coefficients from a test."""
 
 
 @command.command("poses")
-@click.argument("files", nargs=-1, required=True, shell_complete=files)
+@click.argument("files", type=InputFile(), nargs=-1, required=True, shell_complete=files)
 @click.option(
-    "--gravity", default=9.80665, show_default=True, metavar="M/S^2", help="At the place."
+    "--gravity",
+    type=Number(9.0, 10.5, unit="m/s^2"),
+    default=9.80665,
+    show_default=True,
+    metavar="M/S^2",
+    help="At the place.",
 )
-@click.option("--initial", type=Seconds(), default="10s", show_default=True,
+@click.option("--initial", type=Seconds(above=0.0), default="10s", show_default=True,
               help="Rest at the start.")  # fmt: skip
 @click.option("--gyro-scale", metavar="UNIT", help="Of a count, roughly, as '0.01 deg/s'.")
 @click.option("--columns", metavar="NAMES", help="Of one file: as `schuler align` takes them.")
 @click.option("--gyro", metavar="UNIT", help="Of one file.")
 @click.option("--accel", metavar="UNIT", help="Of one file.")
 @click.option("--axes", metavar="XYZ", help="Of one file.")
-@click.option("--mapping", metavar="TOML", help="Of one file.")
-@click.option("--out", metavar="TOML", help="Write the calibration for `schuler align`.")
-@click.option("--json", "json_to", metavar="OUT", help="Write the result as JSON (- : here).")
-@click.option("--report", "report_to", metavar="OUT.html", help="Draw poses and turns.")
+@click.option("--mapping", type=InputFile(), metavar="TOML", help="Of one file.")
+@click.option(
+    "--out",
+    type=OutputFile(".toml"),
+    metavar="TOML",
+    help="Write the calibration for `schuler align`.",
+)
+@json_option()
+@report_option("Draw poses and turns.")
 def poses(**options: Any) -> None:
     """Calibrate from an instrument put down by hand in many poses.
 
@@ -62,7 +73,6 @@ def poses(**options: Any) -> None:
     from schuler.units import parse
 
     files = options["files"]
-    check_outputs(options["out"], options["json_to"], options["report_to"])
     if len(files) > 2:
         raise InputError(f"poses takes one record or two tables, got {len(files)} files")
     if options["report_to"] is not None:
@@ -71,8 +81,6 @@ def poses(**options: Any) -> None:
         graph_objects()
     name = Path(files[0]).stem
     common = {"gravity": options["gravity"], "initial": options["initial"], "name": name}
-    if not (math.isfinite(options["gravity"]) and 9.0 < options["gravity"] < 10.5):
-        raise InputError(f"--gravity must be of this Earth, in m/s^2, got {options['gravity']}")
     if len(files) == 1:
         from schuler.io import read
 
@@ -105,7 +113,7 @@ def poses(**options: Any) -> None:
         from schuler.report.calibrate import poses_report
 
         poses_report(fit, options["report_to"])
-    if options["json_to"] != "-":
+    if wants_text():
         _print_poses(fit)
 
 
@@ -166,35 +174,40 @@ def _print_poses(fit: PosesFit) -> None:
     import numpy as np
 
     c = fit.calibration
-    click.echo(f"{len(fit.dwells)} poses, {int(fit.used.sum())} used; |f| - gravity "
+    echo(f"{len(fit.dwells)} poses, {int(fit.used.sum())} used; |f| - gravity "
                f"{1e3 * fit.rms:.3f} mm/s^2 rms, {1e3 * np.abs(fit.residual[fit.used]).max():.3f} "
                "largest")  # fmt: skip
     unit = "counts" if c.input == "counts" else "m/s^2"
     for k, axis in enumerate("xyz"):
         row = "  ".join(f"{v:12.6g}" for v in c.accel_matrix[k])
-        click.echo(f"accelerometer {axis}: bias {c.accel_bias[k]:12.6g} ± "
+        echo(f"accelerometer {axis}: bias {c.accel_bias[k]:12.6g} ± "
                    f"{c.sigma['accel_bias'][k]:.2g} {unit}   matrix {row}")  # fmt: skip
     if fit.turn_error.size:
         for k, axis in enumerate("xyz"):
             row = "  ".join(f"{v:12.6g}" for v in c.gyro_matrix[k])
-            click.echo(f"gyro {axis}: bias {c.gyro_bias[k]:12.6g}   matrix {row}   ± "
+            echo(f"gyro {axis}: bias {c.gyro_bias[k]:12.6g}   matrix {row}   ± "
                        f"{c.sigma['gyro_matrix'][k].max():.2g}")  # fmt: skip
         rms = [np.rad2deg(np.sqrt(np.mean(v**2))) for v in (fit.turn_error_before, fit.turn_error)]
-        click.echo(f"{fit.turn_error.size} turns: the gyros miss gravity by {rms[1]:.3g} deg rms "
+        echo(f"{fit.turn_error.size} turns: the gyros miss gravity by {rms[1]:.3g} deg rms "
                    f"({rms[0]:.3g} with the scale as given)")  # fmt: skip
     for text in fit.unseen:
-        click.echo(f"not shown: {text}" if "left out" not in text else text)
+        echo(f"not shown: {text}" if "left out" not in text else text)
 
 
 @command.command("systematic")
 @file_options
 @site_options
-@click.option("--align", "rest", type=Seconds(), default="60s", show_default=True,
+@click.option("--align", "rest", type=Seconds(above=0.0), default="60s", show_default=True,
               help="Rest at the start, by which the instrument is aligned.")  # fmt: skip
-@click.option("--spec", required=True, metavar="GRADE|TOML", shell_complete=specs,
+@click.option("--spec", type=InputFile(), required=True, metavar="GRADE|TOML", shell_complete=specs,
               help="The instrument: its noise, and how large its biases may be.")  # fmt: skip
-@click.option("--out", metavar="TOML", help="Write the calibration for `schuler align`.")
-@click.option("--json", "json_to", metavar="OUT", help="Write the result as JSON (- : here).")
+@click.option(
+    "--out",
+    type=OutputFile(".toml"),
+    metavar="TOML",
+    help="Write the calibration for `schuler align`.",
+)
+@json_option()
 def systematic(**options: Any) -> None:
     """Calibrate FILE from a navigator's errors: turned on the spot, at rest between the turns.
 
@@ -210,7 +223,6 @@ def systematic(**options: Any) -> None:
     rest, out, json_to = (options.pop(key) for key in ("rest", "out", "json_to"))
     spec = load_spec(options.pop("spec"))
     assert spec is not None
-    check_outputs(out, json_to)
     begin, end = options.pop("start"), options.pop("stop")
     source, finish = open_file(options)
     site = site_or_none(options, source)
@@ -244,7 +256,7 @@ def systematic(**options: Any) -> None:
             },
             json_to,
         )
-    if json_to != "-":
+    if wants_text():
         _print_systematic(fit)
     finish()
 
@@ -259,20 +271,32 @@ def _print_systematic(fit: SystematicFit) -> None:
         unit = "ppm"
         if "bias" in name:
             unit = "deg/h" if name.startswith("gyro") else "ug"
-        click.echo(f"{name:21} {to_unit(value, unit):12.5g} ± {to_unit(sigma, unit):.2g} {unit}")
+        echo(f"{name:21} {to_unit(value, unit):12.5g} ± {to_unit(sigma, unit):.2g} {unit}")
     for name in fit.unseen:
-        click.echo(f"not shown: {name}")
+        echo(f"not shown: {name}")
 
 
 @command.command("centrifuge")
-@click.option("--dwell", type=Seconds(), default="100s", show_default=True, help="At a position.")
+@click.option(
+    "--dwell",
+    type=Seconds(above=0.0, high=1e6),
+    default="100s",
+    show_default=True,
+    help="At a position.",
+)
 @click.option("--positions", metavar="A,B,G;...", help="deg; the published scheme where left out.")
-@click.option("--simulate", "seed", type=int, metavar="SEED",
+@click.option("--simulate", "seed", type=Count(0, 2**63), metavar="SEED",
               help="Simulate the test with the published truth, and filter it.")  # fmt: skip
-@click.option("--passes", default=4, show_default=True, help="Of the filter; 1: no iteration.")
+@click.option(
+    "--passes",
+    type=Count(1, 100),
+    default=4,
+    show_default=True,
+    help="Of the filter; 1: no iteration.",
+)
 @click.option("--square-root", is_flag=True, help="Carry a square root of the covariance.")
-@click.option("--json", "json_to", metavar="OUT", help="Write the result as JSON (- : here).")
-@click.option("--report", "report_to", metavar="OUT.html", help="Draw what the test shows.")
+@json_option()
+@report_option("Draw what the test shows.")
 def centrifuge(**options: Any) -> None:
     """Say what a centrifuge test shows of a platform's 45 coefficients, and how well.
 
@@ -294,7 +318,6 @@ def centrifuge(**options: Any) -> None:
         simulate_platform,
     )
 
-    check_outputs(options["json_to"], options["report_to"])
     positions = np.array(PUBLISHED_POSITIONS, dtype=np.float64)
     if options["positions"] is not None:
         try:
@@ -338,11 +361,11 @@ def centrifuge(**options: Any) -> None:
         from schuler.report.calibrate import platform_report
 
         platform_report(plant, positions, options["dwell"], found, fit, options["report_to"])
-    if options["json_to"] == "-":
+    if not wants_text():
         return
-    click.echo(f"sum of |rho| {found.values['sum-rho']:.2f}, worst sigma "
+    echo(f"sum of |rho| {found.values['sum-rho']:.2f}, worst sigma "
                f"{found.relative.max():.3g} % of the published coefficient")  # fmt: skip
-    click.echo(f"{'':8} {'unit':9} {'true':>10} {'sigma':>10} {'estimate':>11} {'error %':>8}   "
+    echo(f"{'':8} {'unit':9} {'true':>10} {'sigma':>10} {'estimate':>11} {'error %':>8}   "
                f"{'published':>10} {'error %':>8}")  # fmt: skip
     for row in rows:
         own, error = "-", "-"
@@ -350,7 +373,7 @@ def centrifuge(**options: Any) -> None:
             own = f"{row['estimate']:.5g}"
             error = f"{100 * (row['estimate'] / row['published_true'] - 1):.2f}"
         printed = row["published_estimate"]
-        click.echo(
+        echo(
             f"{row['name']:8} {row['unit']:9} {row['published_true']:10g} {row['sigma']:10.3g} "
             f"{own:>11} {error:>8}   {printed:10g} "
             f"{100 * (printed / row['published_true'] - 1):8.2f}"

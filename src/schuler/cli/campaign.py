@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from schuler.cli.common import emit_json
+from schuler.cli.command import Command, add_input, echo, wants_text
+from schuler.cli.common import emit_json, json_option, report_option
 from schuler.cli.completion import methods, scenarios
+from schuler.cli.parameters import Count, InputFile
 
 if TYPE_CHECKING:
     from schuler.align.scatter import Scatter
@@ -19,9 +21,11 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 
-@click.command("campaign", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("scenario", metavar="SCENARIO.toml", shell_complete=scenarios)
-@click.option("--runs", default=100, show_default=True, metavar="N", help="Runs at each place.")
+@click.command("campaign", cls=Command)
+@click.argument("scenario", type=InputFile(), metavar="SCENARIO.toml", shell_complete=scenarios)
+@click.option(
+    "--runs", type=Count(1), default=100, show_default=True, metavar="N", help="Runs at each place."
+)
 @click.option(
     "--sweep", "sweeps", multiple=True, metavar="KEY=A,B,C",
     help="Values of a key of the scenario; several sweeps go all with all.",
@@ -33,18 +37,18 @@ __all__ = ["command"]
 @click.option(
     "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Set a value of the scenario.",
 )  # fmt: skip
-@click.option("--seed", type=int, metavar="N", help="Another seed than the scenario's.")
+@click.option("--seed", type=Count(0, 2**63), metavar="N", help="Another seed than the scenario's.")
 @click.option(
     "--out", metavar="FOLDER", help="Where results go, and are gone on with (NAME.campaign).",
 )  # fmt: skip
 @click.option(
-    "--workers", type=int, metavar="N",
+    "--workers", type=Count(0, 1000), metavar="N",
     help="Workers of a local Dask cluster; 0: this process alone. Without it: a process for "
     "each core.",
 )  # fmt: skip
 @click.option("--scheduler", metavar="tcp://...", help="A Dask cluster that is there already.")
-@click.option("--json", "json_to", metavar="OUT", help="Write the summary as JSON (- : here).")
-@click.option("--report", "report_to", metavar="OUT.html", help="Draw the errors.")
+@json_option("Write the summary as JSON (- : here).")
+@report_option("Draw the errors.")
 def command(**options: Any) -> None:
     """Simulate and align a scenario many times; compare errors, sigma and the limit.
 
@@ -56,6 +60,7 @@ def command(**options: Any) -> None:
       schuler campaign truck.toml --runs 200 --sweep motion.crew.moving_mm=1,2,4 --workers 2
     """  # noqa: D301
     from schuler.campaign import Campaign, run_campaign
+    from schuler.campaign.store import Store
     from schuler.config import load_scenario, parse_overrides, parse_sweep
 
     overrides = parse_overrides(options["overrides"])
@@ -65,6 +70,10 @@ def command(**options: Any) -> None:
     sweep = parse_sweep(options["sweeps"])
     campaign = Campaign(scenario, options["runs"], sweep, options["methods"])
     out = options["out"] or f"{scenario.name.replace('/', '-')}.campaign"
+    for path in scenario.files:
+        add_input("the scenario", path)
+    for path in Store(campaign, out).files():
+        add_input("the campaign's store", path)
     if options["report_to"] is not None:
         from schuler.report.page import graph_objects
 
@@ -81,7 +90,7 @@ def command(**options: Any) -> None:
         from schuler.report.campaign import campaign_report
 
         campaign_report(scatters, scenario.name, _inputs(results), options["report_to"])
-    if options["json_to"] != "-":
+    if wants_text():
         _print(results, scatters)
 
 
@@ -119,24 +128,24 @@ def _inputs(results: Results) -> list[tuple[str, str]]:
 
 def _print(results: Results, scatters: list[Scatter]) -> None:
     scenario = results.campaign.scenario
-    click.echo(
+    echo(
         f"{scenario.name}: {results.campaign.runs} runs of {scenario.duration:g} s, heading error "
         "against the truth, arcmin"
     )
     width = max([8, *(len(s.label) for s in scatters)])
     swept = bool(results.campaign.sweep)
     head = f"{'place':<{width}}  " if swept else ""
-    click.echo(f"{head}{'method':<18}{'mean':>8}{'std':>8}{'rms':>8}{'sigma':>8}{'limit':>8}"
+    echo(f"{head}{'method':<18}{'mean':>8}{'std':>8}{'rms':>8}{'sigma':>8}{'limit':>8}"
                f"{'rms/lim':>9}{'NEES/3':>8}  honest within")  # fmt: skip
     for s in scatters:
         place = f"{s.label:<{width}}  " if swept else ""
         low, high = s.nees_band
-        click.echo(
+        echo(
             f"{place}{s.method:<18}{s.mean:>8.3f}{_cell(s.std):>8}{s.rms:>8.3f}{s.predicted:>8.3f}"
             f"{_cell(s.bound):>8}{_cell(s.ratio, 2):>9}{s.nees_ratio:>8.2f}  "
             f"{low:.2f} to {high:.2f}"
         )
-    click.echo(f"results {results.path}")
+    echo(f"results {results.path}")
 
 
 def _cell(value: float | None, digits: int = 3) -> str:

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from schuler.cli.command import echo
 from schuler.cli.completion import files
+from schuler.cli.parameters import InputFile, Number, OutputFile, Seconds
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,12 +21,12 @@ if TYPE_CHECKING:
     from schuler.record import ImuRecord
 
 __all__ = [
-    "Seconds",
-    "check_outputs",
     "emit_json",
     "file_options",
+    "json_option",
     "open_file",
     "progress",
+    "report_option",
     "say_warnings",
     "site_options",
     "site_or_none",
@@ -39,27 +41,6 @@ _MAPPING_KEYS = (
 )  # fmt: skip
 
 
-class Seconds(click.ParamType):  # type: ignore[type-arg]
-    """A time: ``100``, ``100s``, ``5min``, ``0.5 h``."""
-
-    name = "time"
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> float:
-        """Return the time in seconds."""
-        from schuler.units import parse
-
-        if isinstance(value, float | int):
-            return float(value)
-        try:
-            number = float(value)
-        except ValueError:
-            label = param.opts[0] if param is not None else "time"
-            return parse(str(value), "time", label)
-        if number != number or number in (float("inf"), float("-inf")):
-            self.fail(f"'{value}' is not a finite time", param, ctx)
-        return number
-
-
 def _stack(options: list[Callable[[Any], Any]]) -> Callable[[F], F]:
     def decorate(function: F) -> F:
         for option in reversed(options):
@@ -72,7 +53,7 @@ def _stack(options: list[Callable[[Any], Any]]) -> Callable[[F], F]:
 #: the file and everything that says what is in it
 file_options = _stack(
     [
-        click.argument("file", shell_complete=files),
+        click.argument("file", type=InputFile(sidecar=True), shell_complete=files),
         click.option(
             "--columns", metavar="NAMES",
             help="Columns for t,gx,gy,gz,ax,ay,az: names, numbers from 1, or _ to pass one over.",
@@ -108,7 +89,7 @@ file_options = _stack(
             help="Whether the instrument has corrected its velocity increments for sculling.",
         ),
         click.option(
-            "--array", metavar="NAME|TOML",
+            "--array", type=InputFile(), metavar="NAME|TOML",
             help="Geometry of redundant gyros (see schuler array): t,g1,g2 ...,ax,ay,az are fused.",
         ),
         click.option("--delimiter", metavar="CHAR", help="What separates cells of a text file."),
@@ -134,25 +115,53 @@ file_options = _stack(
             help="Instrument of a NovAtel log that does not say it, as HG4930_AN01 or 58.",
         ),
         click.option(
-            "--mapping", type=click.Path(), metavar="TOML",
+            "--mapping", type=InputFile(), metavar="TOML",
             help="A file that says all of the above; FILE.toml beside FILE is found by itself.",
         ),
         click.option(
             "--save-mapping", is_flag=True,
             help="Write what was said into FILE.toml, so that it is typed once.",
         ),
-        click.option("--max-gap", type=Seconds(), help="Longest gap that is bridged."),
+        click.option("--max-gap", type=Seconds(0.0), help="Longest gap that is bridged."),
         click.option("--start", type=Seconds(), help="Use the record from this time on."),
         click.option("--stop", type=Seconds(), help="Use the record up to this time."),
     ]
 )  # fmt: skip
 
+
+def json_option(text: str = "Write the result as JSON (- : here).") -> Callable[[F], F]:
+    """Return the option ``--json OUT``, as `json_to`."""
+    return click.option("--json", "json_to", type=OutputFile(".json"), metavar="OUT", help=text)
+
+
+def report_option(text: str) -> Callable[[F], F]:
+    """Return the option ``--report OUT.html``, as `report_to`."""
+    return click.option(
+        "--report", "report_to", type=OutputFile(".html", ".htm"), metavar="OUT.html", help=text
+    )
+
+
 #: where the vehicle stands
 site_options = _stack(
     [
-        click.option("--lat", type=float, metavar="DEG", help="Latitude, north positive."),
-        click.option("--lon", type=float, metavar="DEG", help="Longitude (not needed for north)."),
-        click.option("--height", type=float, metavar="M", help="Height above the ellipsoid."),
+        click.option(
+            "--lat",
+            type=Number(-90.0, 90.0, unit="deg"),
+            metavar="DEG",
+            help="Latitude, north positive.",
+        ),
+        click.option(
+            "--lon",
+            type=Number(-360.0, 360.0, unit="deg"),
+            metavar="DEG",
+            help="Longitude (not needed for north).",
+        ),
+        click.option(
+            "--height",
+            type=Number(-12_000.0, 1e6, unit="m"),
+            metavar="M",
+            help="Height above the ellipsoid.",
+        ),
     ]
 )
 
@@ -234,26 +243,11 @@ def progress(source: Source, chunks: Iterable[ImuRecord]) -> Iterator[Iterator[I
         yield watched()
 
 
-def check_outputs(*targets: str | None) -> None:
-    """Refuse an output that cannot be written before the work, not after it."""
-    for target in targets:
-        if target in (None, "-"):
-            continue
-        path = Path(str(target))
-        if path.is_dir():
-            raise InputError(f"{path}: is a folder; name a file in it")
-        if not path.parent.is_dir():
-            raise InputError(f"{path}: there is no folder '{path.parent}' to write it to")
-
-
 def emit_json(data: dict[str, Any], target: str) -> None:
     """Write JSON to a file, or to standard output for ``-``."""
     import json
 
     text = json.dumps(data, indent=2, allow_nan=False) + "\n"
-    if target == "-":
-        click.echo(text, nl=False)
-        return
     from schuler._files import replacing
 
     with replacing(Path(target)) as temporary:
@@ -263,4 +257,4 @@ def emit_json(data: dict[str, Any], target: str) -> None:
 def say_warnings(texts: Iterable[str]) -> None:
     """Print warnings to standard error."""
     for text in texts:
-        click.echo(f"warning: {text}", err=True)
+        echo(f"warning: {text}", err=True)

@@ -7,24 +7,26 @@ from typing import Any
 
 import click
 
+from schuler.cli.command import Command, echo, wants_text
 from schuler.cli.common import (
-    Seconds,
-    check_outputs,
     emit_json,
     file_options,
+    json_option,
     open_file,
     progress,
+    report_option,
     say_warnings,
     site_options,
     site_or_none,
 )
 from schuler.cli.completion import methods, prefilters, specs
+from schuler.cli.parameters import Seconds
 from schuler.errors import InputError
 
 __all__ = ["command"]
 
 
-@click.command("compare", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("compare", cls=Command)
 @file_options
 @site_options
 @click.option(
@@ -45,8 +47,8 @@ __all__ = ["command"]
     help="Prefilters, with commas, each before every method that is named (none: without).",
 )  # fmt: skip
 @click.option("--windows", type=Seconds(), help="Length of the windows for the repeatability.")
-@click.option("--json", "json_to", metavar="OUT", help="Write the rows as JSON (- : here).")
-@click.option("--report", "report_to", metavar="OUT.html", help="Write an interactive report.")
+@json_option("Write the rows as JSON (- : here).")
+@report_option("Write an interactive report.")
 def command(**options: Any) -> None:
     """Run every method and prefilter on FILE and put the results side by side.
 
@@ -65,7 +67,6 @@ def command(**options: Any) -> None:
     site = site_or_none(options, source)
     if site is None:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
-    check_outputs(json_to, report_to)
     if report_to is not None:
         from schuler.report.page import graph_objects
 
@@ -92,7 +93,7 @@ def command(**options: Any) -> None:
         from schuler.report.compare import comparison_report
 
         comparison_report(found, report_to)
-    if json_to != "-":
-        click.echo(str(found))
+    if wants_text():
+        echo(str(found))
     finish()
     say_warnings(source.notes)

@@ -7,6 +7,8 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem
 
+from schuler.cli.command import Command
+
 __all__ = ["command", "files", "methods", "prefilters", "scenarios", "specs"]
 
 _WHERE = {
@@ -16,7 +18,7 @@ _WHERE = {
 }
 
 
-@click.command("completion", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("completion", cls=Command)
 @click.argument("shell", type=click.Choice(list(_WHERE)))
 def command(shell: str) -> None:
     """Print the lines that let a SHELL complete commands, options, methods and files.

@@ -6,18 +6,28 @@ from pathlib import Path
 
 import click
 
+from schuler.cli.command import Command, add_output, echo
+from schuler.cli.parameters import Count, Number
 from schuler.errors import InputError
 
 __all__ = ["command"]
 
 
-@click.command("demo", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("demo", cls=Command)
 @click.option(
     "--out", default="out", show_default=True, type=click.Path(), metavar="FOLDER",
     help="Where the record, the report and the result go.",
 )  # fmt: skip
-@click.option("--seed", default=2, show_default=True, help="Seed of the simulation.")
-@click.option("--minutes", default=10.0, show_default=True, help="Length of the record.")
+@click.option(
+    "--seed", type=Count(0, 2**63), default=2, show_default=True, help="Seed of the simulation."
+)
+@click.option(
+    "--minutes",
+    type=Number(0.2, 600.0),
+    default=10.0,
+    show_default=True,
+    help="Length of the record.",
+)
 def command(out: str, seed: int, minutes: float) -> None:
     """Simulate a truck with its crew at work, find north, compare with the truth, draw a report.
 
@@ -31,10 +41,6 @@ def command(out: str, seed: int, minutes: float) -> None:
     from schuler.sensors import GRADES
     from schuler.simulate import simulate
 
-    if not 0.2 <= minutes <= 600:
-        raise InputError(f"--minutes must be between 0.2 and 600, got {minutes:g}")
-    if seed < 0:
-        raise InputError(f"--seed must be 0 or more, got {seed}")
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -46,6 +52,8 @@ def command(out: str, seed: int, minutes: float) -> None:
     truck = DisturbedVehicle.draw(rng, 60 * minutes, heading=57.3, pitch=1.2, roll=-0.8)
     made = simulate(truck, site, 60 * minutes, 100.0, spec, rng, name="demo truck")
     path = folder / "demo.parquet"
+    for name in ("demo.parquet", "demo.html", "demo.json"):
+        add_output("--out", folder / name)
     sc.write(made.record, path)
 
     record = sc.read(path)
@@ -67,9 +75,9 @@ def command(out: str, seed: int, minutes: float) -> None:
 
     truth = made.heading_deg()
     off = ((fix.heading_deg - truth + 180.0) % 360.0 - 180.0) * 60.0
-    click.echo(str(fix))
-    click.echo(
+    echo(str(fix))
+    echo(
         f"truth: heading {truth:.3f} deg; the estimate is off by {off:+.2f}' "
         f"({abs(off) / float(fix.sigma_arcmin[2]):.1f} sigma)"
     )
-    click.echo(f"record {path}, report {folder / 'demo.html'}, result {folder / 'demo.json'}")
+    echo(f"record {path}, report {folder / 'demo.html'}, result {folder / 'demo.json'}")

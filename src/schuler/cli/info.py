@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from schuler.cli.command import Command, echo, wants_text
 from schuler.cli.common import (
     emit_json,
     file_options,
+    json_option,
     open_file,
     progress,
     say_warnings,
@@ -23,10 +25,10 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 
-@click.command("info", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("info", cls=Command)
 @file_options
 @site_options
-@click.option("--json", "json_to", metavar="OUT", help="Write the summary as JSON (- : here).")
+@json_option("Write the summary as JSON (- : here).")
 def command(**options: Any) -> None:
     """Summarise FILE: rate, jitter, gravity, Earth rate, noise, quiet and disturbed stretches.
 
@@ -59,7 +61,7 @@ def command(**options: Any) -> None:
             "warnings": warnings,
         }
         emit_json(data, json_to)
-    if json_to != "-":
+    if wants_text():
         _print(source, summary, site)
     finish()
     say_warnings(warnings)
@@ -98,5 +100,5 @@ def _print(source: Source, summary: Summary, site: Any) -> None:
     ]  # fmt: skip
     seen = ""
     for name, text in rows:
-        click.echo(f"{name if name != seen else '':>10}  {text}")
+        echo(f"{name if name != seen else '':>10}  {text}")
         seen = name

@@ -6,16 +6,25 @@ from typing import Any
 
 import click
 
-from schuler.cli.common import Seconds, emit_json, site_options, site_or_none
+from schuler.cli.command import Command, echo, wants_text
+from schuler.cli.common import (
+    emit_json,
+    json_option,
+    report_option,
+    site_options,
+    site_or_none,
+)
 from schuler.cli.completion import specs
+from schuler.cli.parameters import InputFile, Number, Seconds
 from schuler.errors import InputError
 
 __all__ = ["command"]
 
 
-@click.command("limit", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("limit", cls=Command)
 @click.option(
     "--spec",
+    type=InputFile(),
     required=True,
     metavar="GRADE|TOML",
     shell_complete=specs,
@@ -30,12 +39,14 @@ __all__ = ["command"]
 )
 @click.option(
     "--positions",
+    type=InputFile(),
     metavar="TOML",
     help="[[position]] tables: heading_ccw_deg, pitch_deg, "
     'roll_deg, dwell = "300 s". One position without it.',
 )
 @click.option(
     "--rate",
+    type=Number(above=0.0, high=1e6, unit="Hz"),
     default=100.0,
     show_default=True,
     metavar="HZ",
@@ -47,10 +58,14 @@ __all__ = ["command"]
     help="Suggest the next position: how far the unit can be turned from the last one, deg.",
 )
 @click.option(
-    "--next-tilt", type=float, default=0.0, metavar="DEG", help="How far it can be tilted there."
+    "--next-tilt",
+    type=Number(0.0, 90.0, unit="deg"),
+    default=0.0,
+    metavar="DEG",
+    help="How far it can be tilted there.",
 )
-@click.option("--json", "json_to", metavar="OUT", help="Write the rows as JSON (- : here).")
-@click.option("--report", "report_to", metavar="OUT.html", help="Draw sigma against time.")
+@json_option("Write the rows as JSON (- : here).")
+@report_option("Draw sigma against time.")
 def command(**options: Any) -> None:
     """Print the Cramér-Rao limit of a static alignment, for any sequence of positions.
 
@@ -73,8 +88,6 @@ def command(**options: Any) -> None:
     if site is None:
         raise InputError("the limit depends on the latitude: say --lat")
     rate = options["rate"]
-    if not rate > 0:
-        raise InputError(f"--rate must be a positive number of Hz, got {rate}")
     spec = load_spec(options["spec"])
     assert spec is not None
     positions = load_positions(options["positions"]) if options["positions"] else [Position()]
@@ -141,23 +154,21 @@ def command(**options: Any) -> None:
         from schuler.report.limit import limit_report
 
         limit_report(at, spec, site, positions, times, options["report_to"])
-    if options["json_to"] != "-":
-        click.echo(
-            f"limit of phi, and what the test leaves of the biases (body x, y, z): {spec.name}"
-        )
-        click.echo(f"{'time s':>10}  {'east':>9}  {'north':>9}  {'up':>9}   {'gyro deg/h':^26}   "
+    if wants_text():
+        echo(f"limit of phi, and what the test leaves of the biases (body x, y, z): {spec.name}")
+        echo(f"{'time s':>10}  {'east':>9}  {'north':>9}  {'up':>9}   {'gyro deg/h':^26}   "
                    f"{'accelerometer ug':^26}")  # fmt: skip
         for row in rows:
             sigma = row["sigma_arcmin"]
             gyro = " ".join(f"{v:8.3g}" for v in row["gyro_bias_deg_h"])
             accel = " ".join(f"{v:8.3g}" for v in row["accel_bias_ug"])
-            click.echo(
+            echo(
                 f"{row['time_s']:10.6g}  {sigma['east']:8.4g}'  {sigma['north']:8.4g}'  "
                 f"{sigma['up']:8.4g}'   {gyro}   {accel}"
             )
         if suggested is not None:
             p = suggested.position
-            click.echo(
+            echo(
                 f"next: psi {p.heading_ccw_deg:.4g}, pitch {p.pitch_deg:.4g}, roll "
                 f"{p.roll_deg:.4g} deg for {p.dwell:g} s more: up "
                 f"{suggested.limit.sigma_arcmin[2]:.4g}'"

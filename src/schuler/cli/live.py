@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from schuler.cli.common import Seconds, check_outputs, say_warnings, site_options, site_or_none
+from schuler.cli.command import Command, echo
+from schuler.cli.common import say_warnings, site_options, site_or_none
 from schuler.cli.completion import methods, specs
+from schuler.cli.parameters import Count, InputFile, OutputFile, Seconds
 from schuler.errors import InputError, SchulerError
 
 if TYPE_CHECKING:
@@ -25,7 +27,7 @@ _STEP = 0.1
 """Longest wait for data before the screen is looked after, s."""
 
 
-@click.command("live", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("live", cls=Command)
 @click.argument("source")
 @site_options
 @click.option(
@@ -41,13 +43,32 @@ _STEP = 0.1
     shell_complete=methods,
     help="As of schuler align; not the Kalman filters.",
 )
-@click.option("--spec", metavar="GRADE|TOML", shell_complete=specs, help="The instrument.")
-@click.option("--baud", default=115200, show_default=True, help="Of a serial port.")
-@click.option("--depth", default=64, show_default=True, help="Samples held while one is missing.")
-@click.option("--max-gap", type=Seconds(), default=5.0, help="Longest gap that is bridged.")
-@click.option("--every", type=Seconds(), default=1.0, help="Time between solutions.")
-@click.option("--idle", type=Seconds(), help="End after so long without data.")
-@click.option("--checkpoint", metavar="FILE", help="Save the state here, and go on from it.")
+@click.option(
+    "--spec", type=InputFile(), metavar="GRADE|TOML", shell_complete=specs, help="The instrument."
+)
+@click.option(
+    "--baud",
+    type=Count(50, 10_000_000),
+    default=115200,
+    show_default=True,
+    help="Of a serial port.",
+)
+@click.option(
+    "--depth",
+    type=Count(4, 65_536),
+    default=64,
+    show_default=True,
+    help="Samples held while one is missing.",
+)
+@click.option("--max-gap", type=Seconds(0.0), default=5.0, help="Longest gap that is bridged.")
+@click.option("--every", type=Seconds(above=0.0), default=1.0, help="Time between solutions.")
+@click.option("--idle", type=Seconds(0.0), help="End after so long without data.")
+@click.option(
+    "--checkpoint",
+    type=OutputFile(),
+    metavar="FILE",
+    help="Save the state here, and go on from it.",
+)
 @click.option("--json", "json_to", is_flag=True, help="One JSON object a line on standard output.")
 def command(**options: Any) -> None:
     """Align samples as they come from SOURCE: udp:PORT, udp:HOST:PORT, serial:DEVICE or -.
@@ -67,11 +88,6 @@ def command(**options: Any) -> None:
     if site is None:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
     checkpoint, every, idle = options["checkpoint"], options["every"], options["idle"]
-    if not every > 0:
-        raise InputError(f"--every must be a positive time, got {every:g} s")
-    if options["depth"] < 4:
-        raise InputError(f"--depth must be 4 or more, got {options['depth']}")
-    check_outputs(checkpoint)
 
     def make(kind: str) -> LiveAligner:
         made = LiveAligner(
@@ -115,9 +131,9 @@ def command(**options: Any) -> None:
     if options["json_to"]:
         _show(aligner, parser.damaged, fix, None, True)
     else:
-        click.echo(str(fix))
+        echo(str(fix))
         counts = {**aligner.counts(), "damaged": parser.damaged}
-        click.echo(", ".join(f"{value} {name}" for name, value in counts.items()))
+        echo(", ".join(f"{value} {name}" for name, value in counts.items()))
         say_warnings(fix.warnings)
 
 

@@ -7,18 +7,20 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler import __version__
+from schuler.cli.command import Command, echo, wants_text
 from schuler.cli.common import (
-    Seconds,
-    check_outputs,
     emit_json,
     file_options,
+    json_option,
     open_file,
     progress,
+    report_option,
     say_warnings,
     site_options,
     site_or_none,
 )
 from schuler.cli.completion import specs
+from schuler.cli.parameters import Count, InputFile, Number, OutputFile, Seconds
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,16 +34,31 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 
-@click.command("navigate", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("navigate", cls=Command)
 @file_options
 @site_options
-@click.option("--heading", type=float, metavar="DEG", help="At the start, clockwise from north.")
-@click.option("--pitch", type=float, metavar="DEG", help="At the start, nose up positive.")
-@click.option("--roll", type=float, metavar="DEG", help="At the start, right side down positive.")
+@click.option(
+    "--heading",
+    type=Number(-360.0, 360.0, unit="deg"),
+    metavar="DEG",
+    help="At the start, clockwise from north.",
+)
+@click.option(
+    "--pitch",
+    type=Number(-90.0, 90.0, unit="deg"),
+    metavar="DEG",
+    help="At the start, nose up positive.",
+)
+@click.option(
+    "--roll",
+    type=Number(-180.0, 180.0, unit="deg"),
+    metavar="DEG",
+    help="At the start, right side down positive.",
+)
 @click.option(
     "--align",
     "align_for",
-    type=Seconds(),
+    type=Seconds(above=0.0),
     metavar="TIME",
     help="Find the attitude in the first TIME of the record, at rest; navigate what follows.",
 )
@@ -62,19 +79,23 @@ __all__ = ["command"]
 )
 @click.option(
     "--spec",
+    type=InputFile(),
     metavar="GRADE|TOML",
     shell_complete=specs,
     help="The instrument: propagates the uncertainty as well.",
 )
-@click.option("--every", type=int, metavar="N", help="Samples to a row of the path (1).")
-@click.option("--out", "out_to", metavar="PARQUET", help="Write the path.")
+@click.option("--every", type=Count(1), metavar="N", help="Samples to a row of the path (1).")
+@click.option(
+    "--out", "out_to", type=OutputFile(".parquet", ".pq"), metavar="PARQUET", help="Write the path."
+)
 @click.option(
     "--reference",
+    type=InputFile(),
     metavar="FILE",
     help="Compare with this path (CSV with names, or Parquet).",
 )
-@click.option("--json", "json_to", metavar="OUT", help="Write the result as JSON (- : here).")
-@click.option("--report", "report_to", metavar="OUT.html", help="Write an interactive report.")
+@json_option()
+@report_option("Write an interactive report.")
 def command(**options: Any) -> None:
     """Navigate FILE by inertia alone (- : standard input), from a known start.
 
@@ -93,25 +114,17 @@ def command(**options: Any) -> None:
         options.pop("vertical")
     )  # fmt: skip
     spec, every = load_spec(options.pop("spec")), options.pop("every")
-    outputs = [options.pop(key) for key in ("out_to", "json_to", "report_to")]
-    out_to, json_to, report_to = outputs
+    out_to, json_to, report_to = (options.pop(key) for key in ("out_to", "json_to", "report_to"))
     start, stop = options.pop("start"), options.pop("stop")
     against = options.pop("reference")
-    if every is not None and every < 1:
-        raise InputError(f"--every must be 1 or more, got {every}")
     if align_for is not None and any(v is not None for v in angles.values()):
         raise InputError("--align finds the attitude: leave out --heading, --pitch and --roll")
     if align_for is None and angles["heading"] is None:
         raise InputError("the start's attitude is needed: say --heading, or --align 300s")
-    if align_for is not None and not align_for > 0:
-        raise InputError(f"--align needs a positive time, got {align_for:g} s")
-    check_outputs(*outputs)
     if report_to is not None:
         from schuler.report.page import graph_objects
 
         graph_objects()  # a missing library is said before the work, too
-    if out_to is not None and not out_to.lower().endswith((".parquet", ".pq")):
-        raise InputError(f"--out {out_to}: a path is written as Parquet; name a file in .parquet")
     truth = read_reference(against) if against else None
     source, finish = open_file(options)
     site = site_or_none(options, source)
@@ -140,7 +153,7 @@ def command(**options: Any) -> None:
         from schuler.report.navigation import navigation_report
 
         navigation_report(path, evaluation, report_to)
-    if json_to != "-":
+    if wants_text():
         _print(path, evaluation)
     finish()
     say_warnings(source.quality.warnings() if source.quality else ())
@@ -214,17 +227,17 @@ def _data(
 
 
 def _print(path: Path, evaluation: Evaluation | None) -> None:
-    click.echo(f"{path.name}: {path.time[-1] - path.time[0]:.6g} s by inertia alone")
-    click.echo(str(path))
+    echo(f"{path.name}: {path.time[-1] - path.time[0]:.6g} s by inertia alone")
+    echo(str(path))
     if evaluation is None:
         return
     e = evaluation.to_dict()
-    click.echo(
+    echo(
         f"error     {e['north_m']:.4f} m north, {e['east_m']:.4f} east, {e['down_m']:.4f} down "
         f"at {e['time_s']:.6g} s; {e['nmi_per_h']:.4f} nmi/h"
     )
     if e["heading_deg"] is not None:
-        click.echo(
+        echo(
             f"          heading {e['heading_deg']:.6f} deg, pitch {e['pitch_deg']:.6f}, roll "
             f"{e['roll_deg']:.6f}"
         )

@@ -8,13 +8,15 @@ from typing import Any
 
 import click
 
-from schuler.cli.common import Seconds, check_outputs, emit_json
+from schuler.cli.command import Group, echo, wants_text
+from schuler.cli.common import emit_json, json_option, report_option
+from schuler.cli.parameters import Count, InputFile, Number, Seconds
 from schuler.errors import InputError
 
 __all__ = ["command"]
 
 
-@click.group("plan", context_settings={"help_option_names": ["-h", "--help"]})
+@click.group("plan", cls=Group)
 def command() -> None:
     """Find the test that shows an instrument's coefficients best."""
 
@@ -22,9 +24,13 @@ def command() -> None:
 @command.command("centrifuge")
 @click.option("--positions", default="6", show_default=True, metavar="N|N-M",
               help="How many positions, or a range to see the trade.")  # fmt: skip
-@click.option("--dwell", type=Seconds(), default="20s", show_default=True,
+@click.option("--dwell", type=Seconds(above=0.0, high=1e6), default="20s", show_default=True,
               help="Time at each: whole turns of the arm.")  # fmt: skip
-@click.option("--total", type=Seconds(), help="With a range: time in all, shared by the positions.")
+@click.option(
+    "--total",
+    type=Seconds(above=0.0, high=1e7),
+    help="With a range: time in all, shared by the positions.",
+)
 @click.option("--objective", default="sum-rho", show_default=True,
               help="sum-rho, a, d, e, min-max or time.")  # fmt: skip
 @click.option("--method", default="cma", show_default=True, help="cma, de or ga.")
@@ -35,19 +41,55 @@ def command() -> None:
 @click.option(
     "--gamma", default="0,360", show_default=True, metavar="LOW,HIGH", help="Limits, deg."
 )
-@click.option("--force", default=10.0, show_default=True, metavar="G", help="Centripetal force.")
-@click.option("--rate", default=180.0, show_default=True, metavar="DEG/S", help="Of the arm.")
-@click.option("--lat", default=28.22, show_default=True, metavar="DEG", help="Latitude.")
-@click.option("--noise", default=10.0, show_default=True, metavar="UG", help="Of an output sample.")
-@click.option("--time-limit", type=Seconds(), default="60s", show_default=True,
+@click.option(
+    "--force",
+    type=Number(above=0.0, high=1000.0, unit="g"),
+    default=10.0,
+    show_default=True,
+    metavar="G",
+    help="Centripetal force.",
+)
+@click.option(
+    "--rate",
+    type=Number(above=0.0, high=1e5, unit="deg/s"),
+    default=180.0,
+    show_default=True,
+    metavar="DEG/S",
+    help="Of the arm.",
+)
+@click.option(
+    "--lat",
+    type=Number(-90.0, 90.0, unit="deg"),
+    default=28.22,
+    show_default=True,
+    metavar="DEG",
+    help="Latitude.",
+)
+@click.option(
+    "--noise",
+    type=Number(above=0.0, high=1e6, unit="ug"),
+    default=10.0,
+    show_default=True,
+    metavar="UG",
+    help="Of an output sample.",
+)
+@click.option("--time-limit", type=Seconds(above=0.0, high=1e6), default="60s", show_default=True,
               help="When to stop searching.")  # fmt: skip
-@click.option("--rounds", type=int, help="Stop after so many rounds: the same answer everywhere.")
-@click.option("--seed", default=0, show_default=True, help="Of the search.")
-@click.option("--workers", default=2, show_default=True, help="Rounds at a time.")
+@click.option(
+    "--rounds", type=Count(1), help="Stop after so many rounds: the same answer everywhere."
+)
+@click.option(
+    "--seed", type=Count(0, 2**31 - 1), default=0, show_default=True, help="Of the search."
+)
+@click.option(
+    "--workers", type=Count(1, 1000), default=2, show_default=True, help="Rounds at a time."
+)
 @click.option("--scheduler", metavar="tcp://...", help="A Dask cluster for the rounds.")
-@click.option("--resume", metavar="JSON", help="Go on with an earlier plan's --json.")
-@click.option("--json", "json_to", metavar="OUT", help="Write the plan as JSON (- : here).")
-@click.option("--report", "report_to", metavar="OUT.html", help="Draw the schemes and the trade.")
+@click.option(
+    "--resume", type=InputFile(), metavar="JSON", help="Go on with an earlier plan's --json."
+)
+@json_option("Write the plan as JSON (- : here).")
+@report_option("Draw the schemes and the trade.")
 def centrifuge(**options: Any) -> None:
     """Find the positions of a platform on a centrifuge that tell its 45 coefficients best.
 
@@ -58,7 +100,6 @@ def centrifuge(**options: Any) -> None:
     from schuler.calibrate import Limits, Objective, Plant, Problem, explore, plan
 
     counts = _counts(options["positions"])
-    check_outputs(options["json_to"], options["report_to"])
     if options["report_to"] is not None:
         from schuler.report.page import graph_objects
 
@@ -109,16 +150,16 @@ def centrifuge(**options: Any) -> None:
         from schuler.report.plan import plan_report
 
         plan_report(found, options["report_to"])
-    if options["json_to"] == "-":
+    if not wants_text():
         return
-    click.echo(f"{'positions':>9}  {'dwell s':>7}  {options['objective']:>10}  {'published':>10}  "
+    echo(f"{'positions':>9}  {'dwell s':>7}  {options['objective']:>10}  {'published':>10}  "
                f"{'worst sigma':>11}   alpha,gamma or alpha,beta,gamma deg")  # fmt: skip
     for each in found:
         flat = limits.beta == (0.0, 0.0)
         shown_at = " ".join(
             ",".join(f"{v:g}" for v in (row[[0, 2]] if flat else row)) for row in each.positions
         )
-        click.echo(f"{len(each.positions):9d}  {each.problem.dwell:7g}  {each.objective:10.4g}  "
+        echo(f"{len(each.positions):9d}  {each.problem.dwell:7g}  {each.objective:10.4g}  "
                    f"{each.published_objective:10.4g}  {100 * each.worst_relative_sigma:9.3g} %   "
                    f"{shown_at}")  # fmt: skip
 
@@ -144,15 +185,15 @@ def _pair(text: str, name: str) -> tuple[float, float]:
 
 def _resumed(path: str, problem: Any) -> dict[str, Any]:
     """Return what `plan` needs to go on with an earlier result."""
-    import json
     from pathlib import Path
 
     import numpy as np
 
+    from schuler._files import parse_json
     from schuler.calibrate import evaluate
 
     try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
+        data = parse_json(Path(path).read_bytes())
         positions = np.array(data["positions"], dtype=np.float64)
         first = int(data["rounds"])
         fits = (

@@ -7,12 +7,14 @@ from typing import Any
 
 import click
 
-from schuler.cli.common import check_outputs, emit_json
+from schuler.cli.command import Group, echo, wants_text
+from schuler.cli.common import emit_json, json_option, report_option
+from schuler.cli.parameters import Count
 
 __all__ = ["command"]
 
 
-@click.group("published", context_settings={"help_option_names": ["-h", "--help"]})
+@click.group("published", cls=Group)
 def command() -> None:
     """Redo published experiments: printed, by the document's method, by ours, and the limit.
 
@@ -31,16 +33,22 @@ def list_() -> None:
     width = max(map(len, EXPERIMENTS))
     for name in EXPERIMENTS:
         case = conditions(name)
-        click.echo(f"{name:<{width}}  {case['title']}\n{'':<{width}}  {case['citation']}")
+        echo(f"{name:<{width}}  {case['title']}\n{'':<{width}}  {case['citation']}")
 
 
 @command.command("run")
 @click.argument("name")
-@click.option("--runs", type=int, metavar="N", help="Independent runs (each its own without it).")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
-@click.option("--workers", type=int, metavar="N", help="Processes; one to a core without it.")
-@click.option("--json", "json_to", metavar="OUT", help="Write the rows as JSON (- : here).")
-@click.option("--report", "report_to", metavar="OUT.html", help="Write a page.")
+@click.option(
+    "--runs", type=Count(1), metavar="N", help="Independent runs (each its own without it)."
+)
+@click.option(
+    "--seed", type=Count(0, 2**31 - 1), default=0, show_default=True, help="Of the random numbers."
+)
+@click.option(
+    "--workers", type=Count(1, 1000), metavar="N", help="Processes; one to a core without it."
+)
+@json_option("Write the rows as JSON (- : here).")
+@report_option("Write a page.")
 def run_(
     name: str, runs: int | None, seed: int, workers: int | None, json_to: str | None,
     report_to: str | None,
@@ -56,7 +64,6 @@ def run_(
                 f"'{each}' is no published experiment; there are {', '.join(EXPERIMENTS)}, and all"
             )
     Options(runs, seed, workers)
-    check_outputs(json_to, report_to)
     if report_to is not None:
         from schuler.report.page import graph_objects
 
@@ -73,8 +80,8 @@ def run_(
         found.append(run(each, progress=progress, **options))
         if shown:
             click.echo("\r\x1b[K", err=True, nl=False)
-        if json_to != "-":
-            click.echo(("" if len(found) == 1 else "\n") + str(found[-1]))
+        if wants_text():
+            echo(("" if len(found) == 1 else "\n") + str(found[-1]))
     if json_to is not None:
         emit_json(to_dict(found), json_to)
     if report_to is not None:

@@ -6,23 +6,25 @@ from typing import Any
 
 import click
 
-from schuler.cli.common import Seconds, check_outputs, emit_json
+from schuler.cli.command import Group, echo, wants_text
+from schuler.cli.common import emit_json, json_option, report_option
 from schuler.cli.completion import scenarios
+from schuler.cli.parameters import Count, InputFile, Number, OutputFile, Seconds
 from schuler.errors import InputError
 
 __all__ = ["command"]
 
 
-@click.group("rotation", context_settings={"help_option_names": ["-h", "--help"]})
+@click.group("rotation", cls=Group)
 def command() -> None:
     """Compare, look at and search for schemes of rotation modulation."""
 
 
 @command.command("compare")
-@click.argument("scenario", metavar="SCENARIO.toml", shell_complete=scenarios)
+@click.argument("scenario", type=InputFile(), metavar="SCENARIO.toml", shell_complete=scenarios)
 @click.option("--check", is_flag=True, help="Navigate the scenario's own heading in full as well.")
-@click.option("--json", "json_to", metavar="OUT", help="Write all rows as JSON (- : here).")
-@click.option("--report", "report_to", metavar="OUT.html", help="Draw the reductions.")
+@json_option("Write all rows as JSON (- : here).")
+@report_option("Draw the reductions.")
 def compare(**options: Any) -> None:
     """Compare the end error fixed, turned about one axis, and about two.
 
@@ -32,7 +34,6 @@ def compare(**options: Any) -> None:
     """  # noqa: D301
     from schuler.navigate import RotationCase, compare_rotation, strapdown_end
 
-    check_outputs(options["json_to"], options["report_to"])
     case = RotationCase.from_toml(options["scenario"])
     found = compare_rotation(case)
     data = found.to_dict()
@@ -54,21 +55,21 @@ def compare(**options: Any) -> None:
         from schuler.report.rotation import rotation_report
 
         rotation_report(found, options["report_to"])
-    if options["json_to"] != "-":
+    if wants_text():
         _print(data)
 
 
 def _print(data: dict[str, Any]) -> None:
     one, two = (data["schemes"][k]["name"] for k in ("single_axis", "two_axis"))
-    click.echo(f"{data['name']}: {data['array']}, {data['duration_s'] / 3600:g} h at rest; "
+    echo(f"{data['name']}: {data['array']}, {data['duration_s'] / 3600:g} h at rest; "
                f"single axis: {one}; two axes: {two}")  # fmt: skip
-    click.echo(f"{'':>8}  {'largest error over headings, m':^32}  {'single axis is better by':^24}"
+    echo(f"{'':>8}  {'largest error over headings, m':^32}  {'single axis is better by':^24}"
                f"  {'two axes,':>9}")  # fmt: skip
-    click.echo(f"{'lat deg':>8}  {'fixed':>10} {'single':>10} {'two':>10}  "
+    echo(f"{'lat deg':>8}  {'fixed':>10} {'single':>10} {'two':>10}  "
                f"{'worst %':>11} {'best %':>12}  {'times':>9}")  # fmt: skip
     for r in data["latitudes"]:
         low, high = r["single_axis_reduction_percent"]
-        click.echo(
+        echo(
             f"{r['latitude_deg']:8.2f}  {r['fixed_largest_m']:10.1f} "
             f"{r['single_axis_largest_m']:10.1f} {r['two_axis_largest_m']:10.1f}  {low:11.1f} "
             f"{high:12.1f}  {r['two_axis_least_ratio']:9.1f}"
@@ -77,18 +78,23 @@ def _print(data: dict[str, Any]) -> None:
         c = data["check"]
         for name in ("fixed", "single_axis", "two_axis"):
             e, n = c[f"{name}_enu_m"]
-            click.echo(f"navigated in full at {c['latitude_deg']:g} deg, heading "
+            echo(f"navigated in full at {c['latitude_deg']:g} deg, heading "
                        f"{c['heading_deg']:g}: {name.replace('_', ' ')} {e:.1f} m east, "
                        f"{n:.1f} m north")  # fmt: skip
 
 
 @command.command("residual")
-@click.argument("scheme", metavar="NAME|TOML")
-@click.option("--lat", type=float, default=45.0, show_default=True, metavar="DEG",
-              help="For what the scale factors make of the Earth's rate.")  # fmt: skip
-@click.option("--rate", type=float, metavar="DEG/S", help="Of a named scheme's turns (10).")
-@click.option("--dwell", type=Seconds(), metavar="TIME", help="Of a named scheme.")
-@click.option("--json", "json_to", metavar="OUT", help="Write the averages as JSON (- : here).")
+@click.argument("scheme", type=InputFile(), metavar="NAME|TOML")
+@click.option("--lat", type=Number(-90.0, 90.0, unit="deg"), default=45.0, show_default=True,
+              metavar="DEG", help="Of the Earth's rate, which scale factors see.")  # fmt: skip
+@click.option(
+    "--rate",
+    type=Number(above=0.0, high=1e5, unit="deg/s"),
+    metavar="DEG/S",
+    help="Of a named scheme's turns (10).",
+)
+@click.option("--dwell", type=Seconds(0.0, 1e6), metavar="TIME", help="Of a named scheme.")
+@json_option("Write the averages as JSON (- : here).")
 def residual(**options: Any) -> None:
     """Say what a scheme leaves of each error on average."""
     from schuler.motion import SCHEMES, Limits, load_scheme, named_scheme
@@ -101,17 +107,16 @@ def residual(**options: Any) -> None:
         raise InputError("--rate and --dwell are for named schemes; a file says them itself")
     else:
         scheme = load_scheme(name)
-    check_outputs(options["json_to"])
     data = {
         "schema": "schuler.residual/1", "name": scheme.name, "latitude_deg": options["lat"],
         **average(scheme).to_dict(options["lat"]),
     }  # fmt: skip
     if options["json_to"] is not None:
         emit_json(data, options["json_to"])
-    if options["json_to"] == "-":
+    if not wants_text():
         return
-    click.echo(f"{scheme.name}: period {data['period_s']:.6g} s, table steps {len(scheme.steps)}")
-    click.echo("left of                     x          y          z   of the IMU's axes, largest")
+    echo(f"{scheme.name}: period {data['period_s']:.6g} s, table steps {len(scheme.steps)}")
+    echo("left of                     x          y          z   of the IMU's axes, largest")
     for label, key, unit in (
         ("bias", "bias_left", "of it"),
         ("scale factor, table", "scale_factor_with_table_deg_h_per_ppm", "deg/h per ppm"),
@@ -122,25 +127,44 @@ def residual(**options: Any) -> None:
         worst = [max(abs(rows[i][j]) for i in range(3)) for j in range(3)]
         # Below that is the rounding of the averages.
         shown = "  ".join(f"{v if v > 1e-9 else 0.0:9.3g}" for v in worst)
-        click.echo(f"{label:<20}  {shown}   {unit}")
+        echo(f"{label:<20}  {shown}   {unit}")
     value = data["misalignment_largest_deg_h_per_arcsec"]
-    click.echo(f"{'misalignment':<20}  {value if value > 1e-9 else 0.0:9.3g} deg/h per arcsec")
-    click.echo(f"{'random walk':<20}  {1.0:9.3g} of it")
+    echo(f"{'misalignment':<20}  {value if value > 1e-9 else 0.0:9.3g} deg/h per arcsec")
+    echo(f"{'random walk':<20}  {1.0:9.3g} of it")
 
 
 @command.command("optimise")
-@click.option("--turns", type=int, default=16, show_default=True, help="Half turns in a period.")
+@click.option(
+    "--turns", type=Count(2, 1000), default=16, show_default=True, help="Half turns in a period."
+)
 @click.option("--gyro-bias", default="0.01 deg/h", show_default=True)
 @click.option("--scale", default="10 ppm", show_default=True)
 @click.option("--misalignment", default="10 arcsec", show_default=True)
 @click.option("--asymmetry", default="1 ppm", show_default=True)
-@click.option("--dwell", type=Seconds(), default=20.0, show_default=True, metavar="TIME")
-@click.option("--rate", type=float, default=10.0, show_default=True, metavar="DEG/S")
-@click.option("--acceleration", type=float, default=20.0, show_default=True, metavar="DEG/S^2")
-@click.option("--travel", type=float, metavar="DEG", help="Without slip rings: furthest turn.")
-@click.option("--seed", type=int, default=0, show_default=True)
-@click.option("--tries", type=click.IntRange(1, 100_000), default=400, show_default=True)
-@click.option("--out", "out_to", metavar="TOML", help="Write the scheme.")
+@click.option("--dwell", type=Seconds(0.0, 1e6), default=20.0, show_default=True, metavar="TIME")
+@click.option(
+    "--rate",
+    type=Number(above=0.0, high=1e5, unit="deg/s"),
+    default=10.0,
+    show_default=True,
+    metavar="DEG/S",
+)
+@click.option(
+    "--acceleration",
+    type=Number(above=0.0, high=1e6, unit="deg/s^2"),
+    default=20.0,
+    show_default=True,
+    metavar="DEG/S^2",
+)
+@click.option(
+    "--travel",
+    type=Number(above=0.0, high=1e6, unit="deg"),
+    metavar="DEG",
+    help="Without slip rings: furthest turn.",
+)
+@click.option("--seed", type=Count(0, 2**63), default=0, show_default=True)
+@click.option("--tries", type=Count(1, 100_000), default=400, show_default=True)
+@click.option("--out", "out_to", type=OutputFile(".toml"), metavar="TOML", help="Write the scheme.")
 def optimise(**options: Any) -> None:
     """Search for the order of half turns about two axes that leaves the least drift."""
     import numpy as np
@@ -150,9 +174,6 @@ def optimise(**options: Any) -> None:
     from schuler.navigate import optimise_scheme
     from schuler.units import parse
 
-    check_outputs(options["out_to"])
-    if options["seed"] < 0:
-        raise InputError(f"--seed must be 0 or more, got {options['seed']}")
     scheme, drift = optimise_scheme(
         options["turns"],
         bias=parse(options["gyro_bias"], "angular rate", "gyro-bias"),
@@ -178,5 +199,5 @@ def optimise(**options: Any) -> None:
         for step in scheme.steps
         if not isinstance(step, Dwell)
     ]
-    click.echo(f"{scheme.name}: {' '.join(words)}")
-    click.echo(f"period {scheme.period:.6g} s; leaves {drift / DEG_PER_HOUR:.3g} deg/h (1 sigma)")
+    echo(f"{scheme.name}: {' '.join(words)}")
+    echo(f"period {scheme.period:.6g} s; leaves {drift / DEG_PER_HOUR:.3g} deg/h (1 sigma)")

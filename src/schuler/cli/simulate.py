@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from schuler.cli.common import emit_json
+from schuler.cli.command import Command, add_input, add_output, echo, wants_text
+from schuler.cli.common import emit_json, json_option
 from schuler.cli.completion import scenarios
-from schuler.errors import InputError
+from schuler.cli.parameters import Count, InputFile, OutputFile
 
 if TYPE_CHECKING:
     from schuler.config import Scenario
@@ -18,20 +19,26 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 
-@click.command("simulate", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("scenario", metavar="SCENARIO.toml", shell_complete=scenarios)
+@click.command("simulate", cls=Command)
+@click.argument("scenario", type=InputFile(), metavar="SCENARIO.toml", shell_complete=scenarios)
 @click.option(
-    "--out", metavar="FILE", help="The record: .parquet (default: by the scenario's name), "
+    "--out", type=OutputFile(".parquet", ".csv", ".npz"), metavar="FILE",
+    help="The record: .parquet (default: by the scenario's name), "
     ".csv or .npz.",
 )  # fmt: skip
-@click.option("--truth", metavar="PARQUET", help="Where the truth goes (FILE.truth.parquet).")
-@click.option("--seed", type=int, metavar="N", help="Another seed than the scenario's.")
-@click.option("--run", type=int, metavar="K", help="Make run K of the scenario's campaign.")
+@click.option(
+    "--truth",
+    type=OutputFile(".parquet", ".pq"),
+    metavar="PARQUET",
+    help="Where the truth goes (FILE.truth.parquet).",
+)
+@click.option("--seed", type=Count(0, 2**63), metavar="N", help="Another seed than the scenario's.")
+@click.option("--run", type=Count(0), metavar="K", help="Make run K of the scenario's campaign.")
 @click.option(
     "--set", "overrides", multiple=True, metavar="KEY=VALUE",
     help="Set a value of the scenario: motion.heading=30, duration=60s.",
 )  # fmt: skip
-@click.option("--json", "json_to", metavar="OUT", help="Write what was made as JSON (- : here).")
+@json_option("Write what was made as JSON (- : here).")
 def command(**options: Any) -> None:
     """Simulate the record of a scenario file, with its truth beside it.
 
@@ -48,15 +55,14 @@ def command(**options: Any) -> None:
         overrides["seed"] = options["seed"]
     scenario = load_scenario(options["scenario"], overrides)
     run = options["run"]
-    if run is not None and run < 0:
-        raise InputError(f"--run must be 0 or more, got {run}")
     out = Path(options["out"] or f"{scenario.name.replace('/', '-')}.parquet")
     truth = Path(options["truth"] or truth_path(out))
-    for path in (out, truth):
-        if not path.parent.is_dir():
-            raise InputError(f"{path}: there is no folder '{path.parent}' to write it to")
-    if out.resolve() == truth.resolve():
-        raise InputError(f"{out}: record and truth cannot go into the same file")
+    if options["out"] is None:
+        add_output("the record (--out)", out)
+    if options["truth"] is None:
+        add_output("the truth (--truth)", truth)
+    for path in scenario.files:
+        add_input("the scenario", path)
     made = scenario.run(scenario.sequence(run))
     write(made.record, out)
     about = _about(scenario, made, run)
@@ -64,7 +70,7 @@ def command(**options: Any) -> None:
     about = {"schema": "schuler.simulation/1", "record": str(out), "truth": str(truth), **about}
     if options["json_to"] is not None:
         emit_json(about, options["json_to"])
-    if options["json_to"] != "-":
+    if wants_text():
         _print(scenario, about)
 
 
@@ -94,18 +100,18 @@ def _print(scenario: Scenario, about: dict[str, Any]) -> None:
     site, heading = scenario.site, about["heading_deg"]
     gyro, accel = about["gyro_bias_deg_h"], about["accel_bias_ug"]
     seed = f"seed {about['seed']}" + ("" if about["run"] is None else f", run {about['run']}")
-    click.echo(
+    echo(
         f"{about['name']}: {about['motion']}, {scenario.duration:g} s at {scenario.rate:g} Hz, "
         f"{about['samples']} samples, {seed}"
     )
-    click.echo(f"site        {site.lat:g} deg N, {site.lon:g} deg E, {site.height:g} m")
-    click.echo(
+    echo(f"site        {site.lat:g} deg N, {site.lon:g} deg E, {site.height:g} m")
+    echo(
         f"heading     {heading['start']:.4f} deg at the start, {heading['end']:.4f} deg at the end"
     )
     if about["instrument"] is None:
-        click.echo("instrument  without errors")
+        echo("instrument  without errors")
     else:
-        click.echo(f"instrument  {about['instrument']}")
-        click.echo(f"gyro bias   {'  '.join(f'{v:+.5f}' for v in gyro)} deg/h (x, y, z)")
-        click.echo(f"accel bias  {'  '.join(f'{v:+.2f}' for v in accel)} ug (x, y, z)")
-    click.echo(f"record {about['record']}, truth {about['truth']}")
+        echo(f"instrument  {about['instrument']}")
+        echo(f"gyro bias   {'  '.join(f'{v:+.5f}' for v in gyro)} deg/h (x, y, z)")
+        echo(f"accel bias  {'  '.join(f'{v:+.2f}' for v in accel)} ug (x, y, z)")
+    echo(f"record {about['record']}, truth {about['truth']}")

@@ -5,13 +5,14 @@ from __future__ import annotations
 import copy
 import datetime as dt
 import re
-import tomllib
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from schuler._files import parse_toml, read_toml
 from schuler.config.locate import Path as Keys
 from schuler.config.locate import line_of, locate
 from schuler.config.override import apply
@@ -49,14 +50,14 @@ def load_scenario(path: str | Path, overrides: Mapping[str, Any] | None = None) 
     except UnicodeDecodeError:
         raise InputError(f"{path}: is not a text in UTF-8") from None
     try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        data = parse_toml(text)
+    except ValueError as error:
         raise InputError(_syntax(path, text, str(error))) from None
     lines = locate(text)
     given = overrides or {}
     try:
         apply(data, copy.deepcopy(dict(given)))
-        _inline_instruments(data, path.parent)
+        files = (path, *_inline_instruments(data, path.parent))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     set_outside = [tuple(int(k) if k.isdigit() else k for k in key.split(".")) for key in given]
@@ -67,7 +68,7 @@ def load_scenario(path: str | Path, overrides: Mapping[str, Any] | None = None) 
                 return f"{path}, as set from outside"
         return f"{path}, line {line_of(lines, keys)}"
 
-    return _checked(data, path.stem, place, lines, path.parent)
+    return replace(_checked(data, path.stem, place, lines, path.parent), files=files)
 
 
 def parse_scenario(data: Mapping[str, Any], name: str = "scenario") -> Scenario:
@@ -115,8 +116,9 @@ def _syntax(path: Path, text: str, message: str) -> str:
     return f"{path}, line {line}: is not valid TOML ({reason})"
 
 
-def _inline_instruments(data: dict[str, Any], folder: Path) -> None:
-    """Put a specification's file in the place of its name, so that the scenario stands alone."""
+def _inline_instruments(data: dict[str, Any], folder: Path) -> list[Path]:
+    """Put a specification's file in the place of its name; return the files that were read."""
+    files: list[Path] = []
     align = data.get("align")
     for table, key in ((data, "instrument"), (align, "spec")):
         if not isinstance(table, dict):
@@ -125,8 +127,10 @@ def _inline_instruments(data: dict[str, Any], folder: Path) -> None:
         if isinstance(value, str) and value not in GRADES and value.endswith(".toml"):
             file = folder / value
             ImuSpec.from_toml(file)
-            found = tomllib.loads(file.read_text(encoding="utf-8"))
+            found = read_toml(file)
             table[key] = {"name": file.stem, **found}
+            files.append(file)
+    return files
 
 
 def _checked(

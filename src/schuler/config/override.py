@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from schuler._files import parse_toml
 from schuler.errors import InputError
 from schuler.sensors import GRADES, ImuSpec
 from schuler.units import to_unit
@@ -36,8 +36,8 @@ def _value(text: str) -> Any:
     """Return a value as TOML would, or the text itself where it is no TOML: ``60 s``."""
     text = text.strip()
     try:
-        return tomllib.loads(f"x = {text}")["x"] if "\n" not in text else text
-    except tomllib.TOMLDecodeError:
+        return parse_toml(f"x = {text}")["x"] if "\n" not in text else text
+    except ValueError:
         return text
 
 

@@ -55,6 +55,8 @@ class Scenario:
         The checked motion.
     folder : Path
         Beside which the files of instruments are looked for.
+    files : tuple of Path
+        The files that it was read from: its own, and those of instruments.
     """
 
     name: str
@@ -72,6 +74,7 @@ class Scenario:
     data: Mapping[str, Any] = field(repr=False)
     table: MotionTable = field(repr=False)
     folder: Path = field(default=Path(), repr=False)
+    files: tuple[Path, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def samples(self) -> int:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
+from schuler._files import parse_json
 from schuler.errors import InputError
 from schuler.io.mapping import Mapping
 
@@ -27,8 +27,8 @@ def parse_own(text: str | bytes, where: str) -> dict[str, Any]:
         If it is not what schuler writes.
     """
     try:
-        own = json.loads(text)
-    except (ValueError, RecursionError):
+        own = parse_json(text)
+    except ValueError:
         own = None
     flags = ("coning_corrected", "sculling_corrected")
     if (

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.attitude import euler_to_quat, heading_to_psi, matrix_to_quat
+from schuler.attitude import euler_to_quat, heading_to_psi, nearest_quat
 from schuler.constants import DEG
 from schuler.earth import Site
 from schuler.errors import InputError
@@ -38,7 +38,7 @@ def frame_of(lat: float, lon: float) -> Array:
     """Return q_n^e (4,) of East-North-Up at a latitude and longitude, rad."""
     sl, cl, so, co = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
     columns = [[-so, co, 0.0], [-sl * co, -sl * so, cl], [cl * co, cl * so, sl]]
-    return matrix_to_quat(np.array(columns).T)
+    return nearest_quat(np.array(columns).T)
 
 
 @dataclass(frozen=True, eq=False)

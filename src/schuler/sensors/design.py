@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -113,8 +114,11 @@ def design_array(
             start, box = np.append(x0, min(_after(_axes(x0)).max(), 50.0)), [*bounds, (0.0, 1e3)]
             held = [{"type": "ineq", "fun": lambda x: x[-1] - _after(_axes(x[:-1]))}]
             held += [{"type": "ineq", "fun": lambda x, c=c: c["fun"](x[:-1])} for c in constraints]
-        found = minimize(fun, start, method="SLSQP", bounds=box, constraints=held,
-                         options={"maxiter": 300, "ftol": 1e-12})  # fmt: skip
+        with warnings.catch_warnings():
+            # SciPy clips a step that leaves the bounds; some versions say so.
+            warnings.filterwarnings("ignore", "Values in x were outside bounds", RuntimeWarning)
+            found = minimize(fun, start, method="SLSQP", bounds=box, constraints=held,
+                             options={"maxiter": 300, "ftol": 1e-12})  # fmt: skip
         x = found.x[: 2 * n]
         if any(np.min(c["fun"](x)) < -1e-6 for c in constraints):
             continue

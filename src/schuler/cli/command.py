@@ -1,0 +1,200 @@
+"""What every command does before and after its work: look at its files, name what it wrote.
+
+The check stands in one place and takes its list from the command's own options (`InputFile`,
+`OutputFile`), so that a new option cannot be forgotten.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import click
+
+from schuler._files import check_target, is_special
+from schuler.cli.parameters import InputFile, OutputFile
+from schuler.errors import InputError, printable
+
+__all__ = [
+    "Command", "Group", "add_input", "add_output", "debug_option", "echo", "wants_text",
+]  # fmt: skip
+
+_KEY = "schuler.files"
+_HELP = {"help_option_names": ["-h", "--help"]}
+
+
+def echo(text: object = "", *, err: bool = False) -> None:
+    """Print a line; control characters that came from a file or a name are made visible."""
+    click.echo(printable(str(text)), err=err)
+
+
+def _identity(path: str) -> tuple[Any, ...]:
+    """Return what two names of one file have in common."""
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError):
+        return ("name", os.path.normcase(os.path.realpath(path)))
+    return (found.st_dev, found.st_ino)
+
+
+def _state(path: str) -> tuple[int, int, int] | None:
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return found.st_ino, found.st_mtime_ns, found.st_size
+
+
+@dataclass
+class CommandFiles:
+    """The files that one command reads and writes.
+
+    Parameters
+    ----------
+    inputs, outputs : list of (str, str)
+        What names the file (an option, or ``input``) and its path.
+    before : dict
+        How each output was before the command.
+    """
+
+    inputs: list[tuple[str, str]] = field(default_factory=list)
+    outputs: list[tuple[str, str]] = field(default_factory=list)
+    before: dict[str, Any] = field(default_factory=dict)
+
+    def add_input(self, label: str, path: str) -> None:
+        """Add a file that is read; it may not be one of the outputs."""
+        for other, output in self.outputs:
+            self._part(other, output, label, path)
+        self.inputs.append((label, path))
+
+    def add_output(self, label: str, path: str) -> None:
+        """Add a file that is written; it may be no input and no other output."""
+        for other, there in self.inputs:
+            self._part(label, path, other, there)
+        for other, there in self.outputs:
+            if path == there == "-":
+                raise InputError(
+                    f"{label} and {other} cannot both go to standard output; name a file for one"
+                )
+            if "-" not in (path, there) and _same(path, there):
+                raise InputError(f"{label} and {other} both name {path}; name two files")
+        check_target(path)
+        self.outputs.append((label, path))
+        self.before[path] = _state(path)
+
+    @staticmethod
+    def _part(label: str, output: str, other: str, path: str) -> None:
+        if "-" not in (output, path) and _same(output, path):
+            raise InputError(
+                f"{label} {output}: is the file of {other}, which is read; an output never "
+                "replaces an input: name another file"
+            )
+
+    def written(self) -> Iterator[str]:
+        """Give each output that has changed."""
+        for _, path in self.outputs:
+            if path != "-" and not is_special(path) and _state(path) != self.before[path]:
+                yield path
+
+
+def _same(a: str, b: str) -> bool:
+    # Two outputs may both go to /dev/null.
+    return _identity(a) == _identity(b) and not is_special(a)
+
+
+def _files() -> CommandFiles:
+    found: CommandFiles = click.get_current_context().meta[_KEY]
+    return found
+
+
+def add_input(label: str, path: str | os.PathLike[str]) -> None:
+    """Tell the running command of a file that it reads, beside those of its options."""
+    _files().add_input(label, str(path))
+
+
+def add_output(label: str, path: str | os.PathLike[str]) -> None:
+    """Tell the running command of a file that it will write, beside those of its options.
+
+    Raises
+    ------
+    InputError
+        If it is an input or another output, or cannot be written.
+    """
+    _files().add_output(label, str(path))
+
+
+def wants_text() -> bool:
+    """Say whether the result may be printed: no output goes to standard output."""
+    return all(path != "-" for _, path in _files().outputs)
+
+
+def _debug(ctx: click.Context, _: click.Parameter, value: bool) -> None:
+    if value:
+        ctx.find_root().meta["schuler.debug"] = True
+
+
+def debug_option() -> click.Option:
+    """Return the option --debug, which every command has."""
+    return click.Option(
+        ["--debug"], is_flag=True, expose_value=False, is_eager=True, callback=_debug,
+        help="Show the traceback of an internal fault (as SCHULER_DEBUG=1 does).",
+    )  # fmt: skip
+
+
+class Command(click.Command):
+    """A command whose files are checked before it runs and named after it."""
+
+    def __init__(self, *args: Any, **settings: Any) -> None:
+        settings.setdefault("context_settings", _HELP)
+        super().__init__(*args, **settings)
+        self.params.append(debug_option())
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Check the files, run, and name what was written."""
+        files = CommandFiles()
+        ctx.meta[_KEY] = files
+        for label, path, sidecar in self._named(ctx, InputFile):
+            files.add_input(label, path)
+            if sidecar and path != "-":
+                if ctx.params.get("save_mapping"):
+                    files.add_output("--save-mapping", f"{path}.toml")
+                else:
+                    files.add_input(f"{label} (its mapping)", f"{path}.toml")
+        for label, path, _ in self._named(ctx, OutputFile):
+            files.add_output(label, path)
+        try:
+            return super().invoke(ctx)
+        finally:
+            for path in files.written():
+                echo(f"wrote {path}", err=True)
+
+    def _named(self, ctx: click.Context, kind: type) -> Iterator[tuple[str, str, bool]]:
+        for param in self.params:
+            value = ctx.params.get(param.name or "")
+            if not isinstance(param.type, kind) or value is None:
+                continue
+            label = param.opts[0] if isinstance(param, click.Option) else "the input"
+            for path in value if isinstance(value, tuple) else (value,):
+                yield label, path, getattr(param.type, "sidecar", False)
+
+
+class Group(click.Group):
+    """A group of commands; without one it shows its help."""
+
+    command_class = Command
+
+    def __init__(self, *args: Any, **settings: Any) -> None:
+        settings.setdefault("context_settings", _HELP)
+        # Click's own way turns the help into a usage error.
+        settings["invoke_without_command"], settings["no_args_is_help"] = True, False
+        settings["callback"] = _help_without_command
+        super().__init__(*args, **settings)
+        self.params.append(debug_option())
+
+
+def _help_without_command() -> None:
+    ctx = click.get_current_context()
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help(), color=ctx.color)

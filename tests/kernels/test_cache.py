@@ -1,0 +1,102 @@
+"""The kernels' disk cache: in a folder of its own, never a condition, mended where damaged."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from schuler.kernels._cache import CACHE_FOLDER
+
+USE = "from schuler.earth import gravity; print(f'{float(gravity(0.5)):.12f}')"
+EXPECTED = "9.7922046448"  # Somigliana at 0.5 rad
+
+
+def cached(folder):
+    """Return the compiled kernels below a folder."""
+    return sorted([*folder.rglob("*.nbi"), *folder.rglob("*.nbc")])
+
+
+def use(folder, code=USE, **environment):
+    """Compute gravity in a process of its own, its cache below a folder."""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=120,
+        env={**os.environ, "SCHULER_CACHE_DIR": str(folder), "NUMBA_DISABLE_JIT": "0",
+             **environment},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip(), [li for li in done.stderr.splitlines() if "kernel cache" in li]
+
+
+@pytest.fixture(scope="module")
+def fresh(tmp_path_factory):
+    """Return a folder with compiled kernels in it, and what they compute."""
+    folder = tmp_path_factory.mktemp("cache")
+    value, said = use(folder)
+    assert not said
+    return folder, value
+
+
+def test_compiled_kernels_go_into_their_own_folder_and_come_from_there(fresh):
+    folder, value = fresh
+    written = {p: p.stat().st_mtime_ns for p in cached(folder)}
+    assert CACHE_FOLDER is not None
+    assert {p.parent.parent.name for p in written} == {CACHE_FOLDER.rpartition("/")[2]}
+    assert use(folder) == (value, [])
+    assert {p: p.stat().st_mtime_ns for p in cached(folder)} == written
+
+
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+@pytest.mark.parametrize("damage", ["empty", "half", "flipped", "foreign"])
+def test_a_damaged_file_is_said_once_and_made_anew(fresh, suffix, damage):
+    folder, value = fresh
+    hurt = [path for path in cached(folder) if path.suffix == suffix]
+    assert hurt
+    for path in hurt:
+        data = path.read_bytes()
+        path.write_bytes({
+            "empty": b"", "half": data[: len(data) // 2], "foreign": b"cos\nsystem\n",
+            "flipped": data[:50] + bytes([data[50] ^ 16]) + data[51:],
+        }[damage])  # fmt: skip
+    found, said = use(folder)
+    assert found == value
+    assert len(said) == 1
+    assert "is damaged; the kernel is compiled again" in said[0]
+    assert use(folder) == (value, [])
+
+
+def test_a_full_disk_is_said_once_and_stops_nothing(tmp_path, fresh):
+    code = (
+        "import errno, builtins, schuler.kernels._cache as c\n"
+        "def full(self, path): raise OSError(errno.ENOSPC, 'No space left on device')\n"
+        f"c._CheckedFile._open_for_write = full\n{USE}"
+    )
+    found, said = use(tmp_path, code)
+    assert found == fresh[1]
+    assert len(said) == 1
+    assert "No space left on device" in said[0]
+
+
+def test_without_a_writable_folder_a_private_one_is_taken(tmp_path, fresh, root):
+    (tmp_path / "file").touch()
+    before = cached(root / "src")
+    code = USE + "; from schuler.kernels._cache import CACHE_FOLDER; print(CACHE_FOLDER)"
+    own = tmp_path / "own"
+    own.mkdir()
+    found, said = use(tmp_path / "file" / "below", code, TMPDIR=str(own))
+    value, folder = found.splitlines()
+    assert (value, said) == (fresh[1], [])
+    if hasattr(os, "getuid"):
+        assert folder.startswith(str(own))
+        # Where others may write, nothing is taken: compiled code is run.
+        (own / f"schuler-kernels-{os.getuid()}").chmod(0o777)
+        found, said = use(tmp_path / "file" / "below", code, TMPDIR=str(own))
+        assert found.splitlines() == [fresh[1], "None"]
+        assert len(said) == 1
+    assert cached(root / "src") == before
+
+
+def test_the_value_is_right(fresh):
+    assert float(fresh[1]) == pytest.approx(float(EXPECTED), abs=1e-9)
