@@ -18,6 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from schuler.errors import printable
+
 ROOT = Path(__file__).resolve().parents[2]
 #: no hang: the worker ends itself after ten seconds of computing; this is for one that waits
 PATIENCE = 60.0
@@ -156,7 +158,7 @@ def judge(answer: Answer, unchanged: set[str] | None = None) -> str | None:
         return f"took {answer.peak >> 20} MB ({answer.end}: {answer.text[:200]})"
     if answer.end == "refused":
         text = answer.text
-        if "\n" in text or not text.isprintable() or len(text) > 4100:
+        if "\n" in text or text != printable(text) or len(text) > 4100:
             return f"is no sentence: {text[:300]!r}"
     elif unchanged is not None and answer.text not in unchanged:
         return "changed without a word"

@@ -21,8 +21,6 @@ def structure(data: bytes, at: int = 0, depth: int = 0) -> tuple[dict[int, Any],
     ValueError, IndexError
         If it is none.
     """
-    if depth > _DEEPEST:
-        raise ValueError("structures inside each other")
     found: dict[int, Any] = {}
     field = 0
     while True:
@@ -41,6 +39,8 @@ def structure(data: bytes, at: int = 0, depth: int = 0) -> tuple[dict[int, Any],
 
 
 def _value(data: bytes, at: int, kind: int, depth: int) -> tuple[Any, int]:
+    if depth > _DEEPEST:
+        raise ValueError("values inside each other")
     if kind in _NUMBERS:
         return _signed(data, at)
     if kind == _STRUCT:
