@@ -374,6 +374,6 @@ def test_damaged_own_csv(tmp_path: Path, rows: Array) -> None:
     write(rates(rows), tmp_path / "a.csv")
     text = (tmp_path / "a.csv").read_text()
     (tmp_path / "a.csv").write_text(text.replace('{"version"', '"version"'))
-    fails(tmp_path / "a.csv", "the description that schuler wrote in line 1 is damaged")
+    fails(tmp_path / "a.csv", "line 1: the description that schuler wrote there is damaged")
     (tmp_path / "a.csv").write_text(text.replace(",0.01,", ",-0.01,"))
     fails(tmp_path / "a.csv", r"the interval dt = -0\.01 s must be a positive")

@@ -341,7 +341,7 @@ def test_metadata_nested_without_end_is_one_sentence(tmp_path: Path) -> None:
         np.savez(tmp_path / "a.npz", time=rows[:, 0], schuler=np.array(text))
         fails(tmp_path / "a.npz", "wrote into the array 'schuler' is damaged")
         (tmp_path / "a.csv").write_text(f"# schuler {text}\n{make_text(rows)}")
-        fails(tmp_path / "a.csv", "wrote in line 1 is damaged")
+        fails(tmp_path / "a.csv", "line 1: the description that schuler wrote there is damaged")
 
 
 def test_numbers_without_end_in_a_mapping_are_one_sentence(csv: Path) -> None:
@@ -460,10 +460,15 @@ def test_a_shell_s_process_substitution_is_read(rows: Array) -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFOs here")
-def test_a_pipe_cannot_be_followed_by_name(tmp_path: Path) -> None:
+def test_a_pipe_cannot_be_followed_by_name(
+    tmp_path: Path, pipe: Callable[[bytes, str], Path]
+) -> None:
     os.mkfifo(tmp_path / "a.csv")
     with pytest.raises(InputError, match=r"a\.csv: is a pipe, which cannot be followed"):
         open_source(tmp_path / "a.csv", wait=1.0)
+    source = open_source(pipe(make_text(make_rows(9)).encode(), "b.csv"))
+    with pytest.raises(InputError, match=r"b\.csv: is a pipe, which cannot be followed"):
+        next(source.follow())
 
 
 def test_a_reference_comes_through_a_pipe(pipe: Callable[[bytes, str], Path]) -> None:

@@ -131,7 +131,10 @@ def detect(head: bytes, whole: bool, mapping: Mapping) -> Dialect:
                 break
         elif number > skip and text:
             if line.startswith(MAGIC):
-                own = _own(line, number)
+                try:
+                    own = parse_own(line[len(MAGIC) :], "there")
+                except InputError as error:
+                    raise InputError(f"line {number}: {error}") from None
             hint = text.lstrip("".join(marks)).strip()
         offset = stop + 1
         if end < 0:
@@ -226,7 +229,3 @@ def _name_cells(line: str, delimiter: str) -> list[str]:
     joined = re.sub(r" (?=[\[(])", "\0", plain)
     joined = re.sub(r"[\[(][^\[\]()]*[\])]", lambda m: m.group(0).replace(" ", "\0"), joined)
     return [" ".join(cell.split("\0")) for cell in joined.split()]
-
-
-def _own(line: str, number: int) -> dict[str, Any]:
-    return parse_own(line[len(MAGIC) :], f"in line {number}")

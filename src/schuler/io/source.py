@@ -31,6 +31,7 @@ _BAG = "metadata.yaml"
 _HEAD = 1 << 16
 _LONG_HEAD = 1 << 20
 _POLL = 0.2
+_PIPE = "is a pipe, which cannot be followed by its name; give - and lead it to standard input"
 
 
 class Source:
@@ -130,10 +131,7 @@ class Source:
             return mapping, folder, [], None, b""
         pipe = is_pipe(self.path)
         if pipe and wait is not None:
-            raise InputError(
-                "is a pipe, which cannot be followed by its name; give - and lead it to standard "
-                "input"
-            )
+            raise InputError(_PIPE)
         bag = self.path / _BAG
         if self.path.is_dir() and not bag.is_file():
             raise InputError("is a folder; name a file in it")
@@ -338,6 +336,8 @@ class Source:
         InputError
             If the format cannot be followed, the file becomes shorter, or a row is bad.
         """
+        if self._spooled is not None:
+            raise InputError(f"{self._label}: {_PIPE}")
         if self._content.follow is None:
             raise InputError(
                 f"{self._label}: a {self.format} file cannot be followed, only text can"
