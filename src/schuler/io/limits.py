@@ -43,7 +43,11 @@ def available_memory() -> int:
         found += [1024 * int(x.split()[1]) for x in lines if x.startswith("MemAvailable:")]
     with suppress(OSError, ValueError):
         most = int((_CGROUP / "memory.max").read_text())
-        found.append(max(0, most - int((_CGROUP / "memory.current").read_text())))
+        used = int((_CGROUP / "memory.current").read_text())
+        stat = dict(x.split() for x in (_CGROUP / "memory.stat").read_text().splitlines())
+        # What was read from files is given up when memory is wanted.
+        cache = int(stat.get("file", 0)) - int(stat.get("shmem", 0))
+        found.append(max(0, most - used + cache))
     if not found:
         with suppress(OSError, ValueError, AttributeError):
             found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
