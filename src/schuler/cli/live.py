@@ -65,9 +65,7 @@ _ENOUGH = 10_000
 )
 @click.option("--depth", type=Count(4, 4096), default=64, show_default=True,
               help="Samples held while one is missing.")  # fmt: skip
-@click.option(
-    "--max-gap", type=Seconds(above=0.0), default=5.0, help="Longest gap that is bridged."
-)
+@click.option("--max-gap", type=Seconds(above=0.0), default=5.0, help="Longest bridged gap.")
 @click.option("--every", type=Seconds(above=0.0), default=1.0, help="Time between solutions.")
 @click.option("--idle", type=Seconds(above=0.0), help="End after so long without a sample.")
 @click.option("--checkpoint", type=OutputFile(), metavar="FILE",
