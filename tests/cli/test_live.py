@@ -366,5 +366,5 @@ def test_a_key_is_no_checkpoint(run, tmp_path):
     path.write_bytes(b"k" * 32)
     done = run("live", "-", "--lat", "5", "--key-file", path, "--checkpoint", path, "--cold-start")
     assert done.code == 2
-    assert "is an input as well" in done.err
+    assert "replaces an input" in done.err
     assert path.read_bytes() == b"k" * 32
