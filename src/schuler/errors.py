@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
-__all__ = ["InputError", "SchulerError", "printable"]
+__all__ = ["InputError", "SchulerError", "printable", "shown"]
+
+#: characters of a message; what a file brings into it has no end otherwise
+_LONGEST = 4000
 
 
 class SchulerError(Exception):
-    """Base of every error that schuler raises on purpose; the CLI prints it and exits with 2."""
+    """Base of every error that schuler raises on purpose; the CLI prints it and exits with 2.
+
+    Its text is `printable`, and loses its middle where a file has made it endless.
+    """
+
+    def __init__(self, *args: object) -> None:
+        super().__init__(*(_bounded(arg) if isinstance(arg, str) else arg for arg in args))
 
 
 class InputError(SchulerError, ValueError):
@@ -35,3 +44,19 @@ def printable(text: str) -> str:
         else c
         for c in text
     )
+
+
+def shown(text: object) -> str:
+    r"""Return a text from a file as it can stand in a sentence: without line feeds and tabs too.
+
+    Examples
+    --------
+    >>> shown("gx\n\x1b[2J")
+    'gx\\n\\x1b[2J'
+    """
+    return printable(str(text)).replace("\n", r"\n").replace("\t", r"\t")
+
+
+def _bounded(text: str) -> str:
+    text = printable(text)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1000]} ... {text[-900:]}"

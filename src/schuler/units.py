@@ -100,7 +100,15 @@ _SPELLINGS = {
     "µ": "u", "μ": "u", "²": "^2", "**2": "^2", "m/s2": "m/s^2", "m/s/s": "m/s^2", "·": "*",
 }  # fmt: skip
 
+_LONGEST = 200
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+
+
+def _number(text: str, what: str) -> re.Match[str] | None:
+    # The pattern tries many ways to divide a long text.
+    if len(text) > _LONGEST:
+        raise InputError(f"{what}: '{text[:40]}...' is too long for a number and a unit")
+    return _NUMBER.fullmatch(text)
 
 
 def _normalise(unit: str) -> str:
@@ -156,7 +164,7 @@ def parse(text: str, dimension: str, what: str = "value") -> float:
     """
     if not isinstance(text, str):
         raise InputError(f"{what}: expected a text like '0.01 deg/h', got {text!r}")
-    match = _NUMBER.fullmatch(text)
+    match = _number(text, what)
     if match is None:
         raise InputError(f"{what}: expected a number and a unit of {dimension}, got '{text}'")
     number, unit = match.groups()
@@ -186,7 +194,7 @@ def parse_factor(text: str, dimensions: tuple[str, ...], what: str) -> tuple[flo
     InputError
         If the unit is unknown, of none of the dimensions, or the number is zero.
     """
-    match = _NUMBER.fullmatch(text)
+    match = _number(text, what)
     number, unit = match.groups() if match and match.group(2) else ("1", text.strip())
     factor, found = _lookup(unit, what)
     if found not in dimensions:

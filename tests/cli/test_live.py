@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import signal
 import socket
 import subprocess
 import sys
@@ -63,38 +64,169 @@ def start(*arguments):
     )  # fmt: skip
 
 
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as s:
-        s.bind(("127.0.0.1", 0))
-        return s.getsockname()[1]
+def listening(process):
+    """Wait until the command listens; return where."""
+    for line in process.stderr:
+        if line.startswith(b"note: listening on udp:"):
+            host, _, port = line.decode().split("udp:")[1].strip().rpartition(":")
+            return host, int(port)
+    raise AssertionError(f"ended with {process.wait()}")
+
+
+def last_line(out):
+    return json.loads(out.decode().splitlines()[-1])
 
 
 @pytest.mark.slow
-def test_udp_with_a_bad_line(record):
-    """5 % dropped, 5 % repeated, 5 % shuffled: the heading is that of the whole record."""
-    port = free_port()
-    process = start(f"udp:{port}", "--lat", "50", "--spec", "navigation-rlg", "--json",
-                    "--idle", "5", "--every", "0.2", "--method", "centred")  # fmt: skip
+def test_udp_with_a_bad_line_and_a_flood(record):
+    """5 % dropped, repeated, shuffled each, and as many datagrams of others, the first ones too."""
+    process = start("udp:0", "--lat", "50", "--spec", "navigation-rlg", "--json",
+                    "--idle", "1", "--every", "0.2", "--method", "centred")  # fmt: skip
+    where = listening(process)
     packets = shaken(samples(record), np.random.default_rng(1))
-    sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    time.sleep(2.5)
-    for k, item in enumerate(packets):
-        sender.sendto(encode_frame(*item, "increments"), ("127.0.0.1", port))
-        if k % 50 == 0:
-            time.sleep(0.01)
-    sender.close()
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
+    ):
+        other.sendto(b"hello", where)
+        for k, item in enumerate(packets):
+            sender.sendto(encode_frame(*item, "increments"), where)
+            noise = encode_frame(k * 977, 1e3 * (k % 13), [0.0] * 6, "increments")
+            other.sendto(noise if k % 2 else noise[:50], where)
+            if k % 40 == 0:
+                time.sleep(0.01)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 0, err.decode()
     lines = [json.loads(line) for line in out.decode().splitlines()]
     assert len(lines) >= 2
     last = lines[-1]
     assert last["schema"] == "schuler.live/1"
-    assert last["counts"]["repeated"] + last["counts"]["late"] > 100
-    assert last["counts"]["lost"] > 100
+    counts = last["counts"]
+    assert counts["repeated"] + counts["late"] > 100
+    assert counts["lost"] > 100
+    assert counts["foreign"] > 1000
+    assert counts["malformed"] > 1000
+    assert last["contradictions"] == []
     whole = align(record, SITE, "centred", "navigation-rlg")
     off = abs(last["heading_deg"] - whole.heading_deg) * 60
     # Interpolated samples leave some noise of their own; sigma says so.
     assert off < 3 * last["sigma_arcmin"]["up"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_with_the_result(record, number):
+    process = start("-", "--lat", "50", "--every", "0.1", "--json")
+    data = b"".join(encode_csv(*s) for s in samples(record))
+    process.stdin.write(data)
+    process.stdin.flush()
+    first = process.stdout.readline()
+    process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err.decode()
+    assert json.loads(first)["schema"] == "schuler.live/1"
+    assert last_line(out)["heading_deg"] == pytest.approx(75.0, abs=0.5)
+    assert b"Traceback" not in err
+
+
+def test_a_killed_session_is_resumed(record, tmp_path):
+    path = tmp_path / "north.npz"
+    arguments = ("-", "--lat", "50", "--every", "0.05", "--json", "--checkpoint", str(path))
+    frames = [encode_frame(*s, "increments") for s in samples(record)]
+    process = start(*arguments)
+    process.stdin.write(b"".join(frames[:4000]))
+    process.stdin.flush()
+    process.stdout.readline()
+    deadline = time.monotonic() + 60.0
+    while not path.exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.kill()
+    process.communicate(timeout=60)
+    assert process.returncode == -signal.SIGKILL
+    again = start(*arguments)
+    # The sender repeats what it still has.
+    out, err = again.communicate(b"".join(frames[300:]), timeout=60)
+    assert again.returncode == 0, err.decode()
+    assert b"note: resumed from" in err
+    last = last_line(out)
+    assert (last["counts"]["aligned"], last["spans"]) == (6000, 1)
+    through = start("-", "--lat", "50", "--json")
+    out, _ = through.communicate(b"".join(frames), timeout=60)
+    assert last_line(out)["heading_deg"] == last["heading_deg"]
+
+
+def test_a_checkpoint_s_folder_that_vanishes_ends_nothing(record, tmp_path):
+    folder = tmp_path / "state"
+    folder.mkdir()
+    process = start("-", "--lat", "50", "--every", "0.05", "--json",
+                    "--checkpoint", str(folder / "north.npz"))  # fmt: skip
+    data = b"".join(encode_csv(*s) for s in samples(record))
+    process.stdin.write(data[: len(data) // 2])
+    process.stdin.flush()
+    process.stdout.readline()
+    moved = folder.rename(tmp_path / "elsewhere")
+    for _ in range(2):
+        process.stdout.readline()
+    out, err = process.communicate(data[len(data) // 2 :], timeout=60)
+    assert process.returncode == 0, err.decode()
+    assert err.decode().count("the state is not saved") == 1
+    assert last_line(out)["counts"]["aligned"] == 6000
+    assert not folder.exists()
+    assert [p.name for p in moved.iterdir()] in ([], ["north.npz"])
+
+
+def test_a_result_that_a_later_span_contradicts_is_said(record):
+    turned = [(n, t, (v[1], -v[0], v[2], v[4], -v[3], v[5])) for n, t, v in samples(record)]
+    data = b"".join(encode_csv(*s) for s in [*samples(record), *turned[:4000]])
+    process = start("-", "--lat", "50", "--spec", "navigation-rlg")
+    out, err = process.communicate(data, timeout=60)
+    assert process.returncode == 3, err.decode()
+    assert "span 1 of 2, 0 s to 120 s" in out.decode(), out.decode()
+    assert b"note: the sender restarted, at number 0; span 2 begins" in err
+    assert b"sigma apart" in err
+
+
+def test_what_came_and_was_no_use_is_said_by_reason(record):
+    frames = [encode_frame(*s, "increments", key=b"a" * 16, run=1) for s in samples(record)[:90]]
+    process = start("-", "--lat", "50")
+    out, err = process.communicate(b"".join(frames) + b"\nhello\n1,2\n", timeout=60)
+    assert process.returncode == 2
+    assert out == b""
+    assert err.decode() == (
+        "schuler: standard input: no sample could be used of those that came: 2 that are no "
+        "sample, 90 with a tag, and no key to check it (--key-file)\n"
+    )
+
+
+def test_keyed_frames_in_a_pipe(record, tmp_path):
+    key = tmp_path / "imu.key"
+    key.write_text("a secret of the two of us\n")
+    secret = b"a secret of the two of us"
+    data = b"".join(
+        encode_frame(*s, "increments", key=secret, run=7) + encode_frame(*s, "increments")
+        for s in samples(record)
+    )
+    process = start("-", "--lat", "50", "--json", "--key-file", str(key))
+    out, err = process.communicate(data, timeout=60)
+    assert process.returncode == 0, err.decode()
+    counts = last_line(out)["counts"]
+    assert (counts["aligned"], counts["unauthenticated"]) == (6000, 6000)
+
+
+def test_a_refused_checkpoint_and_a_cold_start(record, tmp_path):
+    path = tmp_path / "north.npz"
+    path.write_bytes(b"my own data")
+    data = b"".join(encode_csv(*s) for s in samples(record))
+    arguments = ("-", "--lat", "50", "--checkpoint", str(path))
+    process = start(*arguments)
+    out, err = process.communicate(data, timeout=60)
+    assert (process.returncode, out) == (2, b"")
+    assert path.read_bytes() == b"my own data"
+    assert b"--cold-start" in err
+    process = start(*arguments, "--cold-start")
+    out, err = process.communicate(data, timeout=60)
+    assert process.returncode == 0, err.decode()
+    assert (tmp_path / "north.npz.refused").read_bytes() == b"my own data"
+    assert path.read_bytes()[:2] == b"PK"
 
 
 def test_a_clean_stream_gives_the_record_s_own_bits(record):
@@ -172,8 +304,8 @@ def test_a_serial_port(record):
     import tty
 
     tty.setraw(theirs)
-    process = start(f"serial:{os.ttyname(theirs)}", "--lat", "50", "--idle", "5", "--json")
-    time.sleep(2.0)
+    process = start(f"serial:{os.ttyname(theirs)}", "--lat", "50", "--idle", "2", "--json")
+    assert b"listening on serial:" in process.stderr.readline()
     os.set_blocking(ours, False)
     data = b"".join(encode_frame(*item, "increments") for item in samples(record)[:3000])
     deadline = time.monotonic() + 30.0
@@ -192,17 +324,47 @@ def test_a_serial_port(record):
 
 @pytest.mark.parametrize(
     ("arguments", "text"),
-    [(["udp:5005"], "--lat"), (["tcp:5005", "--lat", "5"], "live source"),
-     (["udp:x", "--lat", "5"], "port"), (["-", "--lat", "5", "--method", "kalman"], "whole record"),
-     (["serial:/nowhere", "--lat", "5"], "cannot be opened"),
-     (["-", "--lat", "5", "--every", "0"], "above 0 s"),
-     (["-", "--lat", "5", "--depth", "1"], "from 4 to")],
+    [
+        (["udp:5005"], "--lat"), (["tcp:5005", "--lat", "5"], "live source"),
+        (["udp:x", "--lat", "5"], "port"), (["udp:99999999999", "--lat", "5"], "port"),
+        (["udp:no such host:5", "--lat", "5"], "cannot listen"),
+        (["-", "--lat", "5", "--method", "kalman"], "whole record"),
+        (["serial:/nowhere", "--lat", "5"], "cannot be opened"),
+        (["-", "--lat", "5", "--every", "0"], "above 0 s"),
+        (["-", "--lat", "5", "--idle", "-1"], "above 0 s"),
+        (["-", "--lat", "5", "--max-gap", "0"], "above 0 s"),
+        (["-", "--lat", "5", "--depth", "1"], "4"),
+        (["-", "--lat", "5", "--depth", "5000"], "4096"),
+        (["-", "--lat", "5", "--from", "192.0.2.1"], "only udp"),
+        (["udp:0", "--lat", "5", "--from", "192.0.2"], "IPv4"),
+        (["udp:0", "--lat", "5", "--from", "192.0.2.1:0"], "IPv4"),
+        (["-", "--lat", "5", "--key-file", "/nowhere"], "cannot be read"),
+        (["-", "--lat", "5", "--cold-start"], "--checkpoint"),
+    ],
 )  # fmt: skip
-def test_bad_input(arguments, text, record):
-    process = start(*arguments)
-    data = b"".join(encode_csv(*s) for s in samples(record)[:300])
-    out, err = process.communicate(data, timeout=60)
-    assert process.returncode == 2
-    assert out == b""
-    assert text in err.decode()
-    assert err.decode().count("\n") == 1
+def test_bad_input(run, arguments, text):
+    if arguments[0] == "serial:/nowhere":
+        pytest.importorskip("serial")
+    done = run("live", *arguments)
+    assert done.code == 2
+    assert done.out == ""
+    assert text in done.err
+    assert done.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("size", [0, 15, 5000])
+def test_a_key_that_is_too_short_or_long_is_refused(run, tmp_path, size):
+    path = tmp_path / "imu.key"
+    path.write_bytes(b"k" * size)
+    done = run("live", "-", "--lat", "5", "--key-file", path)
+    assert done.code == 2
+    assert "16 to 4096 bytes" in done.err
+
+
+def test_a_key_is_no_checkpoint(run, tmp_path):
+    path = tmp_path / "imu.key"
+    path.write_bytes(b"k" * 32)
+    done = run("live", "-", "--lat", "5", "--key-file", path, "--checkpoint", path, "--cold-start")
+    assert done.code == 2
+    assert "replaces an input" in done.err
+    assert path.read_bytes() == b"k" * 32

@@ -29,7 +29,7 @@ def test_any_pieces_give_the_same_samples(csv, cuts):
     edges = sorted({0, len(data), *(min(c, len(data)) for c in cuts)})
     parser = PacketParser()
     found = [s for a, b in pairwise(edges) for s in parser.feed(data[a:b])]
-    assert found == [sample(k) for k in range(20)]
+    assert [s[:3] for s in found] == [sample(k) for k in range(20)]
     assert parser.damaged == 0
 
 
@@ -38,7 +38,7 @@ def test_a_damaged_frame_costs_itself_only():
     data[2 * FRAME_BYTES + 30] ^= 0xFF
     parser = PacketParser()
     assert [s[0] for s in parser.feed(bytes(data))] == [0, 1, 3, 4]
-    assert parser.damaged >= 1
+    assert parser.damaged == 1
     assert parser.kind == "increments"
 
 

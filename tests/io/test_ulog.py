@@ -139,7 +139,9 @@ def test_damage_is_said(
     assert len(read(put(whole[:-20], "a.ulg"))) == 59
     noise = ulog_message("D", b"\x09\x09" + bytes(30))
     source = open_source(put(whole + noise, "a.ulg"))
-    assert source.notes == ["parts of the log are damaged and were left out"]
+    assert source.notes == [
+        "parts of the log are damaged and were left out: 35 bytes belong to no whole message"
+    ]
     dropout = ulog_message("O", b"\x10\x00")
     assert "1 dropouts of 16 ms" in open_source(put(whole + dropout, "a.ulg")).notes[0]
     assert capsys.readouterr().out == ""

@@ -31,6 +31,7 @@ from schuler.align.methods import (
 )
 from schuler.align.positions import Fixture, Suggestion, suggest_position
 from schuler.align.result import Alignment
+from schuler.align.session import LiveSession
 from schuler.align.windows import Windows, align_windows
 
 __all__ = [
@@ -49,6 +50,7 @@ __all__ = [
     "LatitudeFix",
     "Limit",
     "LiveAligner",
+    "LiveSession",
     "Method",
     "Position",
     "Residual",

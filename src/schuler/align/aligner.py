@@ -186,11 +186,15 @@ class Aligner:
         Raises
         ------
         InputError
-            If the arrays are not those of this version's aligner.
+            If the arrays are not those of this version's aligner, or contradict one another.
         """
+        from schuler.kernels.layout import LayoutError, check_aligner
+
+        try:
+            check_aligner(arrays)
+        except LayoutError as error:
+            raise InputError(f"the saved state of an aligner is damaged: {error}") from None
         nodes = arrays["tracker_nodes"]
-        if arrays["tracker"].shape != self._state.shape or nodes.shape[1] != self._nodes.shape[1]:
-            raise InputError("the saved state is not one of this version's aligner")
         self._state[:] = arrays["tracker"]
         self._nodes[: len(nodes)] = nodes
         self._tail = (arrays["tracker_tail"][0], arrays["tracker_tail"][1])

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
-from schuler._files import replacing
 from schuler._version import __version__
 from schuler.align.aligner import Aligner
+from schuler.align.checkpoint import read_checkpoint, write_checkpoint
 from schuler.align.methods import METHODS, Fine, Gyrocompass
 from schuler.align.result import Alignment
 from schuler.earth import Site
@@ -53,17 +52,22 @@ def fill(before: list[Sample], samples: list[Sample]) -> list[Sample]:
                     np.prod([(number - b) / (a - b) for b in x if b != a]) for a in x
                 ])  # fmt: skip
                 row = weight @ y
-                out.append((number, float(row[0]), tuple(map(float, row[1:]))))
+                # Times jitter: on a straight line between its neighbours they still increase.
+                (n0, t0, _), (n1, t1, _) = known[k - 1][:3], known[k][:3]
+                time = t0 + (t1 - t0) * (number - n0) / (n1 - n0)
+                out.append((number, time, tuple(map(float, row[1:]))))
         out.append(known[k])
     return out
 
 
 class LiveAligner:
-    """Take samples in any order; give the alignment at any time.
+    """Take the samples of one stream in any order; give the alignment at any time.
 
     Up to `FILLED` lost samples running are interpolated by a quintic through their neighbours, as
     a held rate would leave the vehicle's sway in the attitude; longer losses are bridged as gaps of
-    a record are. Repeated and late samples are left out.
+    a record are. Repeated and late samples are left out, and those whose time does not follow that
+    of the number before. What comes from a network or a port, where other senders, restarts and
+    forged samples are possible, is for `LiveSession`.
 
     Parameters
     ----------
@@ -101,11 +105,14 @@ class LiveAligner:
                 f"the method {self.aligner.method} needs the whole record and cannot run live; "
                 f"take one of {', '.join(live)}"
             )
+        if self.aligner.method.prefilter is not None:
+            raise InputError("a prefilter needs the whole record and cannot run live")
         self._name = method or "auto"
         self._max_gap = max_gap
         self.intake = Intake(kind, max_gap=max_gap, name="live")
         self.order = Reorder(depth)
         self._before: list[Sample] = []
+        self._wrong_time = 0
 
     @property
     def samples(self) -> int:
@@ -117,15 +124,19 @@ class LiveAligner:
         """Number of the next sample that is expected."""
         return self.order.expected
 
-    def push(self, samples: Iterable[Sample]) -> None:
-        """Take samples as they came.
+    def recent(self) -> list[Sample]:
+        """Return the last samples in order and those that are held."""
+        return [*self._before, *self.order.held.values()]
+
+    def push(self, samples: Iterable[Sequence[Any]]) -> None:
+        """Take samples as they came: number, time (s) and six values (SI, body axes) each.
 
         Raises
         ------
         InputError
-            If time goes backward though the numbers go on, or a gap is too long.
+            If a gap is too long, or a value is beyond any instrument.
         """
-        self._take(self.order.push(samples))
+        self._take(self.order.push((s[0], s[1], s[2]) for s in samples))
 
     def finish(self) -> None:
         """Take what is still held: the stream has ended."""
@@ -134,7 +145,15 @@ class LiveAligner:
         if len(rest):
             self.aligner.update(rest)
 
-    def _take(self, samples: list[Sample]) -> None:
+    def _take(self, came: list[Sample]) -> None:
+        samples: list[Sample] = []
+        last = self._before[-1][1] if self._before else float("-inf")
+        for sample in came:
+            if sample[1] > last:
+                samples.append(sample)
+                last = sample[1]
+            else:
+                self._wrong_time += 1
         if not samples:
             return
         filled = fill(self._before, samples)
@@ -160,6 +179,7 @@ class LiveAligner:
         return {
             "aligned": self.samples, "lost": self.order.lost, "repeated": self.order.repeated,
             "late": self.order.late, "held": len(self.order.held),
+            "wrong_time": self._wrong_time,
         }  # fmt: skip
 
     # -- saving ------------------------------------------------------------------------
@@ -172,8 +192,14 @@ class LiveAligner:
             "spec": None if spec is None else spec.describe(),
         }  # fmt: skip
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, **more: Any) -> None:
         """Write the state (npz), whole or not at all.
+
+        Parameters
+        ----------
+        path : str or path
+        **more
+            What else belongs to the state; `load` returns it.
 
         Raises
         ------
@@ -181,46 +207,51 @@ class LiveAligner:
             If the file cannot be written.
         """
         arrays = {**self.aligner.arrays(), **self.intake.arrays()}
-        held = list(self.order.held.values())
-        arrays["held"] = np.array([[n, t, *v] for n, t, v in held]).reshape(len(held), 8)
+        for name, samples in (("held", list(self.order.held.values())), ("before", self._before)):
+            rows = [[n, t, *v] for n, t, v in samples]
+            arrays[name] = np.array(rows, np.float64).reshape(len(rows), 8)
         o = self.order
-        arrays["before"] = np.array([[n, t, *v] for n, t, v in self._before]).reshape(-1, 8)
         arrays["order"] = np.array(
-            [-1 if o.expected is None else o.expected, o.lost, o.repeated, o.late], np.float64
-        )
-        arrays["meta"] = np.frombuffer(json.dumps(self._meta()).encode(), np.uint8)
-        with replacing(path) as temporary, temporary.open("wb") as file:
-            np.savez(file, **arrays)  # type: ignore[arg-type]
+            [-1 if o.expected is None else o.expected, o.lost, o.repeated, o.late,
+             self._wrong_time], np.float64,
+        )  # fmt: skip
+        write_checkpoint(path, {**self._meta(), "more": more}, arrays)
 
-    def load(self, path: str | Path) -> None:
+    def load(self, path: str | Path) -> dict[str, Any]:
         """Take up a state that was saved with the same site, method, specification and version.
+
+        Returns
+        -------
+        dict
+            What else was saved with it.
 
         Raises
         ------
         InputError
-            If the file cannot be read, or belongs to another alignment, saying what differs.
+            If the file cannot be read, is damaged, or belongs to another alignment, saying what
+            differs. Nothing was taken up then.
         """
-        try:
-            with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
-            meta = json.loads(bytes(arrays.pop("meta")).decode())
-        except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
-            raise InputError(
-                f"{path}: is not a saved state of a live alignment ({error})"
-            ) from None
-        mine = json.loads(json.dumps(self._meta()))
-        for key, value in mine.items():
+        from schuler.align.live_layout import LayoutError, check_state
+
+        meta, arrays = read_checkpoint(path)
+        for key, value in json.loads(json.dumps(self._meta())).items():
             if meta.get(key) != value:
                 raise InputError(
-                    f"{path}: was saved with {key} = {meta.get(key)}, now it is {value}; start "
-                    "anew with another file, or say what was said before"
+                    f"{path}: was saved with {key} = {str(meta.get(key))[:200]}, now it is "
+                    f"{value}; start anew with another file, or say what was said before"
                 )
-        expected, lost, repeated, late = (int(v) for v in arrays["order"])
-        held, before = (
+        more = meta.get("more")
+        try:
+            check_state(arrays, self.order.depth, self.intake.kind)
+        except LayoutError as error:
+            raise InputError(f"{path}: is damaged ({error})") from None
+        if not isinstance(more, dict):
+            raise InputError(f"{path}: is damaged (its description is not whole)")
+        expected, lost, repeated, late, self._wrong_time = (int(v) for v in arrays["order"])
+        held, self._before = (
             [(int(r[0]), float(r[1]), tuple(map(float, r[2:]))) for r in arrays[name]]
             for name in ("held", "before")
         )
-        self._before = before
         self.order = Reorder(
             self.order.depth,
             lost,
@@ -231,3 +262,4 @@ class LiveAligner:
         )
         self.intake.restore(arrays)
         self.aligner.restore(arrays, name="live")
+        return more

@@ -32,12 +32,15 @@ class Results:
         Its content.
     resumed : int
         Runs that an earlier start had done.
+    notes : tuple of str
+        What was found damaged and computed again.
     """
 
     campaign: Campaign
     path: Path
     table: Any = field(repr=False)
     resumed: int = 0
+    notes: tuple[str, ...] = ()
 
     def scatters(self) -> list[Scatter]:
         """Return how the errors scatter, for each place of the sweep and each method."""
@@ -106,7 +109,7 @@ def run_campaign(
         if table is not None:
             store.clear()
             tell(campaign.total, campaign.total)
-            return Results(campaign, store.results, table, campaign.total)
+            return Results(campaign, store.results, table, campaign.total, tuple(store.notes))
         left, resumed = [], 0
         for chunk in campaign.chunks():
             if store.load(chunk) is None:
@@ -122,4 +125,4 @@ def run_campaign(
         table = store.assemble()
     if table is None:
         raise SchulerError(f"{store.results}: was written but cannot be read; is the disk full?")
-    return Results(campaign, store.results, table, resumed)
+    return Results(campaign, store.results, table, resumed, tuple(store.notes))

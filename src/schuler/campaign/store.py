@@ -1,8 +1,10 @@
 """The folder of a campaign: its manifest, a part for each finished chunk, and the results.
 
-Parts appear whole or not at all and are named by their chunk; a part that cannot be read, or is of
-another campaign, counts as not done. The results are put together in the order of the runs, with
-fixed settings of the writer: their bytes do not tell what happened on the way.
+Parts appear whole or not at all and are named by their chunk. Each part, and the results, carry a
+digest of their content, which is verified before they are used, as are their columns, runs and
+ranges; a part that fails counts as not done, and that is said. The results are put together in the
+order of the runs, with fixed settings of the writer: their bytes do not tell what happened on the
+way.
 """
 
 from __future__ import annotations
@@ -13,10 +15,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from schuler._files import replacing
+from schuler._files import parse_json, replacing
 from schuler.campaign.chunk import Chunk, schema
 from schuler.campaign.plan import Campaign
 from schuler.errors import InputError
+from schuler.io.sealed import read_sealed, write_sealed
 
 __all__ = ["Store"]
 
@@ -37,6 +40,8 @@ class Store:
         self.parts = self.folder / "parts"
         self.manifest = self.folder / "campaign.json"
         self.results = self.folder / "results.parquet"
+        #: what was found damaged and is computed again
+        self.notes: list[str] = []
 
     def files(self) -> list[Path]:
         """Return the files that the store keeps or would keep; no output may be one of them."""
@@ -54,6 +59,9 @@ class Store:
         """
         try:
             self.parts.mkdir(parents=True, exist_ok=True)
+            for path in (self.folder / ".lock", self.manifest, self.results):
+                if path.exists() and not path.is_file():
+                    raise InputError(f"{path}: is not an ordinary file; name another --out")
             lock = (self.folder / ".lock").open("w")
         except OSError as error:
             raise InputError(f"{self.folder}: cannot be made ({error.strerror})") from None
@@ -83,7 +91,7 @@ class Store:
             with replacing(self.manifest) as temporary:
                 temporary.write_text(text, encoding="utf-8")
         try:
-            found = json.loads(self.manifest.read_text(encoding="utf-8"))
+            found = parse_json(self.manifest.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             found = None
         if not isinstance(found, dict):
@@ -109,37 +117,76 @@ class Store:
             self._write(stream.read_all(), self._part(chunk), {"chunk": str(chunk.number)})
 
     def _write(self, table: Any, path: Path, about: dict[str, str]) -> None:
-        from pyarrow import parquet
-
         about = {"schuler.campaign": self.campaign.digest, **about}
         with replacing(path) as temporary:
-            parquet.write_table(
-                table.replace_schema_metadata(about), temporary, compression="zstd",
+            write_sealed(
+                table, temporary, about, compression="zstd",
                 use_dictionary=["method"], row_group_size=1 << 16, version="2.6",
             )  # fmt: skip
 
     def load(self, chunk: Chunk) -> Any:
-        """Return a chunk's table, or None where it is not done."""
-        rows = chunk.count * len(chunk.methods)
-        table = self._read(self._part(chunk), rows)
-        if table is None or table.schema.metadata.get(b"chunk") != str(chunk.number).encode():
+        """Return a chunk's table, or None where it is not done; damage goes into the notes."""
+        path = self._part(chunk)
+        if not path.is_file():
             return None
-        return table if table.schema.remove_metadata() == schema() else None
-
-    def _read(self, path: Path, rows: int) -> Any:
-        import pyarrow as pa
-        from pyarrow import parquet
-
         try:
-            table = parquet.read_table(path, memory_map=False)
-        except (OSError, pa.ArrowException):
+            table, about = self._read(path, [chunk])
+            if about.get(b"chunk") != str(chunk.number).encode():
+                raise InputError("is of another chunk")
+            if table.schema.remove_metadata() != schema():
+                raise InputError("has other columns than runs have")
+        except InputError as error:
+            self._note(f"{path}: {error}; its runs are computed again")
             return None
-        about = (table.schema.metadata or {}).get(b"schuler.campaign")
-        return table if about == self.campaign.digest.encode() and len(table) == rows else None
+        return table
+
+    def _read(self, path: Path, chunks: list[Chunk]) -> tuple[Any, dict[bytes, bytes]]:
+        """Read a table of some chunks and check it against what they must give."""
+        rows = sum(chunk.count * len(chunk.methods) for chunk in chunks)
+        table, about, sealed = read_sealed(path, rows)
+        if not sealed:
+            raise InputError("has no checksum of its content")
+        if about.get(b"schuler.campaign") != self.campaign.digest.encode():
+            raise InputError("is of another campaign")
+        _check_rows(table, chunks)
+        return table, about
 
     def finished(self) -> Any:
-        """Return the results, or None where they are not there or not whole."""
-        return self._read(self.results, self.campaign.rows)
+        """Return the results, or None where they are not there or damaged, which is noted.
+
+        Raises
+        ------
+        InputError
+            If the file is whole but not of this campaign: it is somebody's, and stays.
+        """
+        if not self.results.exists():
+            return None
+        try:
+            table, _ = self._read(self.results, list(self.campaign.chunks()))
+        except InputError as error:
+            if self._foreign():
+                raise InputError(
+                    f"{self.results}: {error}; remove it, or name another --out"
+                ) from None
+            self._note(f"{self.results}: {error}; what is missing is computed again")
+            return None
+        plain = table.drop_columns(list(self.campaign.sweep))
+        if plain.schema.remove_metadata() != schema():
+            self._note(f"{self.results}: has other columns than runs have; it is made again")
+            return None
+        return table
+
+    def _foreign(self) -> bool:
+        """Say whether the results are a whole file of something else."""
+        try:
+            about = read_sealed(self.results)[1]
+        except InputError:
+            return False
+        return about.get(b"schuler.campaign") != self.campaign.digest.encode()
+
+    def _note(self, text: str) -> None:
+        if text not in self.notes:
+            self.notes.append(text)
 
     def assemble(self) -> Any:
         """Put all parts together in order, write the results, and remove the parts."""
@@ -180,6 +227,38 @@ class Store:
                 column = pa.array(texts).take(pa.array(point))
             table = table.add_column(1 + k, key, column)
         return table
+
+
+def _check_rows(table: Any, chunks: list[Chunk]) -> None:
+    """Compare a table's runs with those that it must hold, and its numbers with their ranges.
+
+    Raises
+    ------
+    InputError
+        If they differ.
+    """
+    import numpy as np
+
+    missing = [name for name in schema().names if name not in table.column_names]
+    if missing:
+        raise InputError(f"has no column {', '.join(missing)}")
+    wanted = [
+        (chunk.point, run, method)
+        for chunk in chunks
+        for run in range(chunk.first, chunk.first + chunk.count)
+        for method in chunk.methods
+    ]
+    keys = (table.column(name).to_pylist() for name in ("point", "run", "method"))
+    if list(zip(*keys, strict=True)) != wanted:
+        raise InputError("has other runs than its campaign")
+    for name in schema().names:
+        if not name.startswith(("sigma_", "limit_", "heading_error", "warnings")):
+            continue
+        values = np.asarray(table.column(name).to_numpy(), np.float64)
+        low, high = (-np.pi, np.pi) if name == "heading_error" else (0.0, np.inf)
+        # NaN is what an alignment without a bound gives.
+        if np.any(values < low) or np.any(values > high):
+            raise InputError(f"has values of {name} that cannot be")
 
 
 def _difference(found: dict[str, Any], wanted: dict[str, Any]) -> str:

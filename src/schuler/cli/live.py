@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
+import signal
 import sys
 import time as clock
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, nullcontext
-from pathlib import Path
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -16,15 +16,19 @@ from schuler.cli.command import Command, echo
 from schuler.cli.common import say_warnings, site_options, site_or_none
 from schuler.cli.completion import methods, specs
 from schuler.cli.parameters import Count, InputFile, OutputFile, Seconds
-from schuler.errors import InputError, SchulerError
+from schuler.errors import InputError
 
 if TYPE_CHECKING:
-    from schuler.align import Alignment, LiveAligner
+    from schuler.align import Alignment
+    from schuler.align.session import LiveSession, SpanFix
 
 __all__ = ["command"]
 
-_STEP = 0.1
-"""Longest wait for data before the screen is looked after, s."""
+CONTRADICTED = 3
+"""Exit code of a result that something contradicts."""
+
+_ENOUGH = 10_000
+"""Samples after which it is said why they cannot be aligned."""
 
 
 @click.command("live", cls=Command)
@@ -43,121 +47,166 @@ _STEP = 0.1
     shell_complete=methods,
     help="As of schuler align; not the Kalman filters.",
 )
+@click.option("--spec", type=InputFile(), metavar="GRADE|TOML", shell_complete=specs,
+              help="The instrument.")  # fmt: skip
+@click.option("--baud", type=Count(50, 10_000_000), default=115200, show_default=True,
+              help="Of a serial port.")  # fmt: skip
 @click.option(
-    "--spec", type=InputFile(), metavar="GRADE|TOML", shell_complete=specs, help="The instrument."
+    "--from",
+    "sender",
+    metavar="ADDRESS[:PORT]",
+    help="Take UDP samples of this sender only; else the first that sends a stretch of them.",
 )
 @click.option(
-    "--baud",
-    type=Count(50, 10_000_000),
-    default=115200,
-    show_default=True,
-    help="Of a serial port.",
-)
-@click.option(
-    "--depth",
-    type=Count(4, 65_536),
-    default=64,
-    show_default=True,
-    help="Samples held while one is missing.",
-)
-@click.option("--max-gap", type=Seconds(0.0), default=5.0, help="Longest gap that is bridged.")
-@click.option("--every", type=Seconds(above=0.0), default=1.0, help="Time between solutions.")
-@click.option("--idle", type=Seconds(0.0), help="End after so long without data.")
-@click.option(
-    "--checkpoint",
-    type=OutputFile(),
+    "--key-file",
+    type=InputFile(),
     metavar="FILE",
-    help="Save the state here, and go on from it.",
+    help="Take only frames that are authenticated (HMAC-SHA256) by the key in this file.",
+)
+@click.option("--depth", type=Count(4, 4096), default=64, show_default=True,
+              help="Samples held while one is missing.")  # fmt: skip
+@click.option("--max-gap", type=Seconds(above=0.0), default=5.0, help="Longest bridged gap.")
+@click.option("--every", type=Seconds(above=0.0), default=1.0, help="Time between solutions.")
+@click.option("--idle", type=Seconds(above=0.0), help="End after so long without a sample.")
+@click.option("--checkpoint", type=OutputFile(), metavar="FILE",
+              help="Save the state here, and resume from it.")  # fmt: skip
+@click.option(
+    "--cold-start",
+    is_flag=True,
+    help="Begin anew if the checkpoint is refused; it is kept as FILE.refused.",
 )
 @click.option("--json", "json_to", is_flag=True, help="One JSON object a line on standard output.")
-def command(**options: Any) -> None:
+def command(**options: Any) -> int:
     """Align samples as they come from SOURCE: udp:PORT, udp:HOST:PORT, serial:DEVICE or -.
 
-    Samples are frames of 68 bytes or CSV lines (number, time, gyro x y z, accelerometer x y z, in
-    SI and right-forward-up axes); lost, repeated and shuffled ones do no harm. Ctrl-C ends with
-    the result.
+    Samples are frames of 68 or 104 bytes or CSV lines (number, time, gyro x y z, accelerometer
+    x y z, in SI and right-forward-up axes); lost, repeated and shuffled ones do no harm, and
+    what is damaged or contradicts the stream is counted and left out. When the sender restarts
+    or its clock steps, a new span begins; the longest span is the result. Port 0 lets the system
+    choose one. Ctrl-C ends with the result.
+
+    Exit code: 0 a result, 3 a result that something contradicts (said on standard error),
+    2 nothing usable.
 
     \b
       schuler live udp:5005 --lat 34.2 --spec navigation-fog --checkpoint north.npz
+      schuler live udp:0.0.0.0:5005 --lat 34.2 --from 192.168.0.7 --key-file imu.key
       cat /dev/ttyUSB0 | schuler live - --lat 34.2 --kind rates --json
     """  # noqa: D301
-    from schuler.align import LiveAligner
-    from schuler.io.packets import PacketParser
+    from schuler.align.session import LiveSession
+    from schuler.io.live_sources import check_sender, open_live_source
+    from schuler.io.packets import read_key
 
     site = site_or_none(options)
     if site is None:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
-    checkpoint, every, idle = options["checkpoint"], options["every"], options["idle"]
-
-    def make(kind: str) -> LiveAligner:
-        made = LiveAligner(
-            site, kind, options["method"], options["spec"], depth=options["depth"],
-            max_gap=options["max_gap"],
-        )  # fmt: skip
-        if checkpoint is not None and Path(checkpoint).exists():
-            made.load(checkpoint)
-        return made
-
-    aligner: LiveAligner | None = None
-    parser = PacketParser()
-    last, fix = clock.monotonic(), None
-    screen = _Screen() if sys.stdout.isatty() and not options["json_to"] else None
-    with screen or nullcontext(), _open(options["source"], options["baud"]) as stream:
-        try:
-            for data in _until_idle(stream, idle):
-                samples = parser.feed(data)
-                if samples:
-                    if aligner is None:
-                        aligner = make(parser.kind or options["kind"])
-                    aligner.push(samples)
+    source, checkpoint, lines = options["source"], options["checkpoint"], options["json_to"]
+    every, idle = options["every"], options["idle"]
+    if options["cold_start"] and checkpoint is None:
+        raise InputError("--cold-start is about a checkpoint: say --checkpoint")
+    sender = None if options["sender"] is None else check_sender(options["sender"], source)
+    key = None if options["key_file"] is None else read_key(options["key_file"])
+    session = LiveSession(
+        site, options["kind"], options["method"], options["spec"], depth=options["depth"],
+        max_gap=options["max_gap"], key=key, only=sender, checkpoint=checkpoint,
+        cold_start=options["cold_start"],
+    )  # fmt: skip
+    _say_notes(session)
+    session.warm_up()
+    with open_live_source(source, options["baud"]) as stream, _interruptions() as interruptions:
+        if stream.real_time:
+            echo(f"note: listening on {stream.name}", err=True)
+        screen = _Screen() if sys.stdout.isatty() and not lines else None
+        last = heard = clock.monotonic()
+        said = False
+        with screen or nullcontext():
+            for chunk in stream.chunks:
                 now = clock.monotonic()
-                if aligner is None or now - last < every:
+                if chunk.data:
+                    before = session.packets
+                    session.feed(chunk.data, chunk.address, now if stream.real_time else None)
+                    heard = now if session.packets > before else heard
+                if interruptions or (idle is not None and now - heard > idle):
+                    break
+                if now - last < every:
                     continue
                 last = now
-                fix = _solve(aligner, fix)
-                _show(aligner, parser.damaged, fix, screen, options["json_to"])
-                if checkpoint is not None:
-                    aligner.save(checkpoint)
-        except KeyboardInterrupt:
-            # The way to end: the result so far is wanted.
-            pass
-    if aligner is None:
-        raise InputError(f"{options['source']}: no sample came")
-    # What is held is not aligned yet: a restart takes it from here.
-    if checkpoint is not None:
-        aligner.save(checkpoint)
-    aligner.finish()
-    fix = aligner.solution()
-    if options["json_to"]:
-        _show(aligner, parser.damaged, fix, None, True)
-    else:
-        echo(str(fix))
-        counts = {**aligner.counts(), "damaged": parser.damaged}
-        echo(", ".join(f"{value} {name}" for name, value in counts.items()))
-        say_warnings(fix.warnings)
-
-
-def _solve(aligner: LiveAligner, before: Alignment | None) -> Alignment | None:
-    try:
-        return aligner.solution()
-    except InputError:
-        # Too few samples yet, or (for seconds only) no attitude in them.
-        if aligner.samples > 10_000:
-            raise
-        return before
-
-
-def _show(
-    aligner: LiveAligner, damaged: int, fix: Alignment | None, screen: _Screen | None, lines: bool
-) -> None:
-    counts = {**aligner.counts(), "damaged": damaged}
+                if session.spans:
+                    fix = session.solution()
+                    session.save()
+                    if lines and fix is not None:
+                        _line(session, fix, [])
+                    if session.trouble and session.samples > _ENOUGH and not said:
+                        say_warnings([f"no heading yet: {session.trouble}"])
+                        said = True
+                else:
+                    fix = None
+                _say_notes(session)
+                if screen is not None:
+                    screen.show(None if fix is None else fix.alignment, session.summary())
+        try:
+            outcome = session.finish(clock.monotonic() if stream.real_time else None)
+        except InputError as error:
+            _say_notes(session)
+            raise InputError(f"{stream.name}: {error}") from None
+    _say_notes(session)
+    best = outcome.best
+    contradictions = list(outcome.contradictions)
     if lines:
-        if fix is not None:
-            data = {**fix.to_dict(), "schema": "schuler.live/1", "counts": counts}
-            click.echo(json.dumps(data, allow_nan=False))
-            sys.stdout.flush()
-    elif screen is not None:
-        screen.show(fix, counts)
+        _line(session, best, contradictions)
+    else:
+        echo(str(best.alignment))
+        if outcome.spans > 1:
+            start, end = (round(t, 6) + 0.0 for t in (best.alignment.start, best.alignment.end))
+            echo(f"span {best.span} of {outcome.spans}, {start:.9g} s to {end:.9g} s")
+        echo(session.summary())
+        say_warnings(best.alignment.warnings)
+    say_warnings(contradictions)
+    return CONTRADICTED if contradictions else 0
+
+
+@contextmanager
+def _interruptions() -> Iterator[list[int]]:
+    """Collect the first SIGINT and SIGTERM, which end the session with its result; a second stops.
+
+    A signal that the caller of the program ignores stays ignored.
+    """
+    came: list[int] = []
+
+    def note(number: int, _: Any) -> None:
+        if came:
+            raise KeyboardInterrupt
+        came.append(number)
+
+    kept = {}
+    for number in (signal.SIGINT, signal.SIGTERM):
+        handler = signal.getsignal(number)
+        try:
+            if handler is not signal.SIG_IGN and handler is not None:
+                kept[number] = signal.signal(number, note)
+        except ValueError:
+            # Not in the main thread: whoever runs the command there ends it.
+            break
+    try:
+        yield came
+    finally:
+        for number, handler in kept.items():
+            signal.signal(number, handler)
+
+
+def _say_notes(session: LiveSession) -> None:
+    for text in session.take_notes():
+        echo(f"note: {' '.join(text.split())}", err=True)
+
+
+def _line(session: LiveSession, fix: SpanFix, contradictions: list[str]) -> None:
+    """Print a solution as one line of JSON."""
+    data = {
+        **fix.alignment.to_dict(), "schema": "schuler.live/1", "counts": session.counts(),
+        "span": fix.span, "spans": session.spans, "contradictions": contradictions,
+    }  # fmt: skip
+    echo(json.dumps(data, allow_nan=False))
+    sys.stdout.flush()
 
 
 class _Screen(AbstractContextManager["_Screen"]):
@@ -176,7 +225,7 @@ class _Screen(AbstractContextManager["_Screen"]):
     def __exit__(self, *exc: Any) -> None:
         self._live.__exit__(*exc)
 
-    def show(self, fix: Alignment | None, counts: dict[str, int]) -> None:
+    def show(self, fix: Alignment | None, counts: str) -> None:
         """Draw the state of affairs."""
         from rich.panel import Panel
         from rich.text import Text
@@ -193,7 +242,7 @@ class _Screen(AbstractContextManager["_Screen"]):
                 f"{fix.duration:.1f} s\n"
             )
             text.append(_bars(self._way) + "\n", style="blue")
-        text.append(", ".join(f"{value} {name}" for name, value in counts.items()), style="dim")
+        text.append(counts, style="dim")
         self._live.update(Panel(text, title="schuler live"))
 
 
@@ -204,105 +253,3 @@ def _bars(values: list[float]) -> str:
     if high - low < 1e-9:
         return "▄" * len(off)
     return "".join("▁▂▃▄▅▆▇█"[int(7.999 * (v - low) / (high - low))] for v in off)
-
-
-def _until_idle(stream: Iterator[bytes], idle: float | None) -> Iterator[bytes]:
-    """Pass data on, and nothing at times; end after `idle` seconds without data."""
-    last = clock.monotonic()
-    for data in stream:
-        now = clock.monotonic()
-        if data:
-            last = now
-        elif idle is not None and now - last > idle:
-            return
-        yield data
-
-
-class _Stream(AbstractContextManager[Iterator[bytes]]):
-    def __init__(self, chunks: Iterator[bytes], close: Any) -> None:
-        self._chunks, self._close = chunks, close
-
-    def __enter__(self) -> Iterator[bytes]:
-        return self._chunks
-
-    def __exit__(self, *_: Any) -> None:
-        self._close()
-
-
-def _open(source: str, baud: int) -> AbstractContextManager[Iterator[bytes]]:
-    if source == "-":
-        return _Stream(_piped(), lambda: None)
-    kind, _, rest = source.partition(":")
-    if kind == "udp" and rest:
-        return _udp(rest)
-    if kind == "serial" and rest:
-        return _serial(rest, baud)
-    raise InputError(
-        f"'{source}': a live source is udp:PORT, udp:HOST:PORT, serial:DEVICE or - (standard input)"
-    )
-
-
-def _piped() -> Iterator[bytes]:
-    from schuler.io.flow import readable
-
-    file = sys.stdin.buffer
-    while True:
-        if not readable(file, _STEP):
-            yield b""
-            continue
-        data = file.read1(65536)  # type: ignore[union-attr]
-        if not data:
-            return
-        yield data
-
-
-def _udp(where: str) -> _Stream:
-    import socket
-
-    host, _, text = where.rpartition(":")
-    try:
-        port = int(text)
-    except ValueError:
-        port = -1
-    if not 0 < port < 65536:
-        raise InputError(f"udp:{where}: expected a port from 1 to 65535, got '{text}'")
-    receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
-    receiver.settimeout(_STEP)
-    try:
-        receiver.bind((host or "127.0.0.1", port))
-    except OSError as error:
-        receiver.close()
-        raise InputError(f"udp:{where}: cannot listen there ({error.strerror or error})") from None
-
-    def chunks() -> Iterator[bytes]:
-        while True:
-            try:
-                yield receiver.recv(65536)
-            except TimeoutError:
-                yield b""
-
-    return _Stream(chunks(), receiver.close)
-
-
-def _serial(device: str, baud: int) -> _Stream:
-    try:
-        import serial
-    except ImportError:
-        raise SchulerError(
-            "a serial port needs pyserial, which is not installed: pip install 'schuler[live]'"
-        ) from None
-    try:
-        port = serial.Serial(device, baud, timeout=_STEP)
-    except (OSError, ValueError) as error:
-        raise InputError(f"serial:{device}: cannot be opened ({error})") from None
-
-    def chunks() -> Iterator[bytes]:
-        while True:
-            try:
-                yield port.read(max(1, port.in_waiting))
-            except OSError:
-                # The port is gone: what came is what there is.
-                return
-
-    return _Stream(chunks(), port.close)

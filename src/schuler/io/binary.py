@@ -53,11 +53,13 @@ class BinaryReader:
                 while True:
                     data = np.fromfile(file, "<f8", BLOCK_ROWS * width)
                     if not len(data):
-                        return
+                        break
                     table = data[: len(data) // width * width].reshape(-1, width)
                     done[0] += len(table)
                     t = None if chosen.t is None else table[:, chosen.t]
                     yield t, [table[:, i] for i in chosen.values], None
+            if done[0] < rows:
+                raise InputError(f"has become shorter: {done[0]} of its {rows} rows could be read")
 
         return Content(
             blocks=blocks,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler.errors import InputError
+from schuler.errors import InputError, shown
 from schuler.io.content import Array
 from schuler.io.dialect import NUMBER, Dialect, split
 
@@ -112,7 +112,7 @@ class Cells:
             if len(cells) != d.count:
                 return LineError(
                     i,
-                    f"has {len(cells)} cells, expected {d.count}: '{text[:60]}'; "
+                    f"has {len(cells)} cells, expected {d.count}: '{shown(text[:60])}'; "
                     "repair or remove the line",
                 )
             for j in self.columns:
@@ -120,10 +120,10 @@ class Cells:
                 if d.decimal == ",":
                     cell = cell.replace(",", ".") if "." not in cell else "."
                 if not NUMBER.fullmatch(cell):
-                    label = f"'{d.names[j]}'" if d.names else str(j + 1)
+                    label = f"'{shown(d.names[j])}'" if d.names else str(j + 1)
                     return LineError(
                         i,
-                        f"column {label}: '{cells[j][:40]}' is not a number; "
+                        f"column {label}: '{shown(cells[j][:40])}' is not a number; "
                         "repair the cell or leave it empty",
                     )
         return LineError(0, f"and those after it cannot be parsed ({reason[:120]})")

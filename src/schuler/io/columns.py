@@ -79,12 +79,14 @@ def split_unit(name: str) -> tuple[str, str | None]:
 
     A single axis letter or number in brackets, ``"acc(x)"``, belongs to the name.
     """
-    match = _BRACKETS.fullmatch(name.strip())
+    # One blank at a time: the pattern would try every place in a long run of them.
+    name = " ".join(name.split())
+    match = _BRACKETS.fullmatch(name)
     if match is None:
-        return name.strip(), None
+        return name, None
     base, unit = match.group(1), match.group(2) or match.group(3) or ""
     if re.fullmatch(r"\s*([xyzXYZ]|\d*)\s*", unit):
-        return name.strip(), None
+        return name, None
     return base.strip(), unit.strip()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import dataclass
 from typing import Any
@@ -10,12 +9,14 @@ from typing import Any
 from schuler.errors import InputError
 from schuler.io.columns import choose
 from schuler.io.mapping import Mapping
+from schuler.io.own import parse_own
 
 __all__ = ["MAGIC", "NUMBER", "Dialect", "NoRowsError", "detect", "split"]
 
 #: what a cell may hold: a number (Fortran's D too), infinity, or a way to say "none"
 NUMBER = re.compile(
-    r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?|nan|inf|infinity)|NA|N/A|null|", re.IGNORECASE
+    r"[+-]?(?:(?:\d+(?:\.\d*)?|\.\d+)(?:[eEdD][+-]?\d+)?|nan|inf|infinity)|NA|N/A|null|",
+    re.IGNORECASE,
 )
 
 #: begins the comment in which schuler's own CSV files say what they hold
@@ -23,6 +24,7 @@ MAGIC = "# schuler "
 
 #: the longest line that can be a row of a table
 _LONGEST = 1 << 20
+_MOST_COLUMNS = 4096
 
 
 class NoRowsError(InputError):
@@ -112,6 +114,8 @@ def detect(head: bytes, whole: bool, mapping: Mapping) -> Dialect:
             what = "has a header but no data rows" if header else "has no data rows"
             raise NoRowsError(what if head.strip() else "is empty")
         stop = len(head) if end < 0 else end
+        if stop - offset > _LONGEST:
+            raise InputError(f"line {number + 1} is longer than 1 MB: this is no table of rows")
         line = head[offset:stop].decode("utf-8", errors="replace").rstrip("\r")
         number += 1
         text = line.strip()
@@ -127,7 +131,10 @@ def detect(head: bytes, whole: bool, mapping: Mapping) -> Dialect:
                 break
         elif number > skip and text:
             if line.startswith(MAGIC):
-                own = _own(line, number)
+                try:
+                    own = parse_own(line[len(MAGIC) :], "there")
+                except InputError as error:
+                    raise InputError(f"line {number}: {error}") from None
             hint = text.lstrip("".join(marks)).strip()
         offset = stop + 1
         if end < 0:
@@ -137,6 +144,11 @@ def detect(head: bytes, whole: bool, mapping: Mapping) -> Dialect:
         line if header is None else header[0], mapping.decimal
     )
     cells = split(line, delimiter)
+    if len(cells) > _MOST_COLUMNS:
+        raise InputError(
+            f"line {number} has {len(cells)} columns, where {_MOST_COLUMNS} are the most: this is "
+            "no table of samples, or another mark separates its cells (--delimiter)"
+        )
     if header and not any(_numeric(cell, mapping.decimal) for cell in cells):
         raise InputError(
             f"line {number} ('{line.strip()[:60]}') is not a row of numbers; if the table begins "
@@ -213,16 +225,7 @@ def _name_cells(line: str, delimiter: str) -> list[str]:
     if delimiter != " ":
         return split(line, delimiter)
     # "gx [deg/s]" is one name although it holds a blank.
-    joined = re.sub(r"\s+(?=[\[(])", "\0", line.strip().replace('"', ""))
-    joined = re.sub(r"[\[(][^\])]*[\])]", lambda m: m.group(0).replace(" ", "\0"), joined)
+    plain = " ".join(line.replace('"', "").split())
+    joined = re.sub(r" (?=[\[(])", "\0", plain)
+    joined = re.sub(r"[\[(][^\[\]()]*[\])]", lambda m: m.group(0).replace(" ", "\0"), joined)
     return [" ".join(cell.split("\0")) for cell in joined.split()]
-
-
-def _own(line: str, number: int) -> dict[str, Any]:
-    try:
-        own = json.loads(line[len(MAGIC) :])
-    except ValueError:
-        own = None
-    if not isinstance(own, dict):
-        raise InputError(f"line {number}: the description that schuler wrote there is damaged")
-    return own

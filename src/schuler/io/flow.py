@@ -10,7 +10,9 @@ from typing import IO
 
 import numpy as np
 
+from schuler.errors import InputError
 from schuler.io.content import Array, Block
+from schuler.io.limits import ROW_BYTES, available_memory
 from schuler.record import ImuRecord, Quality
 
 __all__ = ["Whole", "prefetch", "readable"]
@@ -33,7 +35,14 @@ class Whole:
         if n > len(self._arrays[0]):
             # What is never touched takes no memory, so the guess may be generous.
             guess = int(n / progress * 1.05) if 0.0 < progress < 1.0 else n
+            # A damaged count must not ask for more than there is.
+            guess = min(guess, available_memory() // ROW_BYTES)
             room = max(n, guess if self._n == 0 else n + n // 2)
+            if n * ROW_BYTES > available_memory():
+                raise InputError(
+                    f"its {n} rows and more do not fit into memory; take a part with --start and "
+                    "--stop"
+                )
             for i, old in enumerate(self._arrays):
                 self._arrays[i] = np.empty((room, *old.shape[1:]))
                 self._arrays[i][: self._n] = old[: self._n]

@@ -20,7 +20,7 @@ from schuler.io.columns import choose
 from schuler.io.content import Array, Block, Content
 from schuler.io.mapping import Mapping
 from schuler.io.meaning import settle
-from schuler.io.parquet import own_mapping
+from schuler.io.own import own_mapping
 from schuler.record import ImuRecord, Intake
 
 if TYPE_CHECKING:

@@ -27,6 +27,7 @@ _ACCEL = ("acceleration", "velocity")
 _BOOLS = ("mean_rates", "header", "coning_corrected", "sculling_corrected")
 _TEXTS = ("gyro", "accel", "time", "axes", "array", "delimiter", "comment", "decimal", "format",
           "topic", "imu_type")  # fmt: skip
+_LONGEST_NUMBER = 9
 _WORDS = {"tab": "\t", "\\t": "\t", "comma": ",", "semicolon": ";", "space": " "}
 
 
@@ -136,16 +137,24 @@ class Mapping:
             if number is None:
                 continue
             if isinstance(number, bool) or not isinstance(number, int | float):
-                raise InputError(f"{key}: expected a number, got {number!r}")
-            object.__setattr__(self, key, float(number))
-            if not math.isfinite(number) or (key == "rate" and number <= 0):
+                raise InputError(f"{key}: expected a number, got {_brief(number)}")
+            try:
+                value = float(number)
+            except OverflowError:
+                value = math.inf
+            object.__setattr__(self, key, value)
+            if not math.isfinite(value) or (key == "rate" and value <= 0):
                 raise InputError(
                     f"{key}: expected a {'positive number of Hz' if key == 'rate' else 'number'}, "
-                    f"got {number:g}"
+                    f"got {value:g}"
                 )
         rows = self.skip_rows
-        if rows is not None and (isinstance(rows, bool) or not isinstance(rows, int) or rows < 0):
-            raise InputError(f"skip_rows: expected a number of lines, 0 or more, got {rows!r}")
+        if rows is not None and (
+            isinstance(rows, bool) or not isinstance(rows, int) or not 0 <= rows < 1 << 63
+        ):
+            raise InputError(
+                f"skip_rows: expected a number of lines, 0 or more, got {_brief(rows)}"
+            )
         self._check_layout()
         if self.variables is not None:
             object.__setattr__(self, "variables", _variables(self.variables))
@@ -153,7 +162,7 @@ class Mapping:
     def _want(self, key: str, kind: type, what: str) -> None:
         value = getattr(self, key)
         if value is not None and not isinstance(value, kind):
-            raise InputError(f"{key}: expected {what}, got {value!r}")
+            raise InputError(f"{key}: expected {what}, got {_brief(value)}")
 
     def _check_layout(self) -> None:
         if self.delimiter is not None:
@@ -276,25 +285,36 @@ class Mapping:
             temporary.write_text(tomli_w.dumps(data), encoding="utf-8")
 
 
+def _brief(value: object) -> str:
+    """Return a value as a message can show it: nested or endless ones by their kind."""
+    if isinstance(value, int) and not -(1 << 63) <= value < 1 << 63:
+        return "a number of more than 64 bits"
+    if isinstance(value, list | tuple | dict):
+        return f"a {'table' if isinstance(value, dict) else 'list'} of {len(value)}"
+    return repr(value)[:200]
+
+
 def _columns(given: object) -> tuple[str | int, ...]:
     if isinstance(given, str):
         given = given.split(",")
     if not isinstance(given, list | tuple) or not given:
         raise InputError(
-            f"columns: expected names or numbers, as t,gx,gy,gz,ax,ay,az; got {given!r}"
+            f"columns: expected names or numbers, as t,gx,gy,gz,ax,ay,az; got {_brief(given)}"
         )
     out: list[str | int] = []
     for entry in given:
         if isinstance(entry, bool) or not isinstance(entry, str | int):
-            raise InputError(f"columns: expected a name or a number, got {entry!r}")
+            raise InputError(f"columns: expected a name or a number, got {_brief(entry)}")
         if isinstance(entry, str):
             entry = entry.strip()
             if not entry:
                 raise InputError("columns: an entry is empty; write _ to pass over a column")
             if entry.isascii() and entry.isdigit():
+                if len(entry) > _LONGEST_NUMBER:
+                    raise InputError(f"columns: there is no column {entry[:20]}...")
                 entry = int(entry)
-        if isinstance(entry, int) and entry < 1:
-            raise InputError(f"columns: numbers count from 1, got {entry}")
+        if isinstance(entry, int) and not 1 <= entry < 10**_LONGEST_NUMBER:
+            raise InputError(f"columns: numbers count from 1, got {_brief(entry)}")
         out.append(entry)
     named = [entry for entry in out if entry not in SKIP]
     for entry in named:
@@ -306,12 +326,14 @@ def _columns(given: object) -> tuple[str | int, ...]:
 def _variables(given: object) -> dict[str, str]:
     known = ("time", "gyro", "accel", "matrix")
     if not isinstance(given, Dict):
-        raise InputError(f"variables: expected names by key, as gyro = 'w'; got {given!r}")
+        raise InputError(f"variables: expected names by key, as gyro = 'w'; got {_brief(given)}")
     for key, value in given.items():
         if key not in known:
             raise InputError(f"variables: unknown key '{key}'; known: {', '.join(known)}")
         if not isinstance(value, str) or not value:
-            raise InputError(f"variables: expected the name of an array for {key}, got {value!r}")
+            raise InputError(
+                f"variables: expected the name of an array for {key}, got {_brief(value)}"
+            )
     if "matrix" in given and len(given) > 1:
         raise InputError("variables: say either matrix or gyro, accel and time, not both")
     return {str(key): str(value) for key, value in given.items()}

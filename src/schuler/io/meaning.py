@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from schuler.errors import InputError
+from schuler.errors import InputError, shown
 from schuler.io.axes import RFU, Axes, parse_axes
 from schuler.io.content import Array, Block, Content
 from schuler.io.mapping import Mapping
@@ -177,6 +177,6 @@ def settle(content: Content, given: Mapping, folder: Mapping) -> Meaning:
         accels,
         parse_factor(m.time, ("time",), "time")[0] if m.time else 1.0,
         axes,
-        f"{words[kind]} in {units}{assumed}, {way}, {clock}",
+        shown(f"{words[kind]} in {units}{assumed}, {way}, {clock}"),
         array,
     )

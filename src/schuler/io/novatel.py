@@ -104,6 +104,7 @@ _WEEK = 604800.0
 _CHUNK = 1 << 22
 _LINE = 1 << 12
 _SYNC_TRIES = 64
+_MOST_SUMS = 16
 
 
 class NovatelReader:
@@ -166,7 +167,7 @@ def _sizes(kind: str, first: Any, mapping: Mapping) -> tuple[Array | None, str |
     name, number = mapping.imu_type, None
     if name is None and "type" in first.dtype.names:
         number = int(first["type"][0])
-    elif name is not None and name.isdigit():
+    elif name is not None and name.isascii() and name.isdigit() and len(name) < 9:
         number = int(name)
     if number is not None:
         name = next((n for n, t in IMU_TYPES.items() if t.number == number), None)
@@ -202,6 +203,8 @@ class _Log:
         self.done = 0
         self.damaged = 0
         self.cut = 0
+        self.foreign = 0
+        self._spent = 0
 
     def survey(self) -> dict[str, int]:
         """Count the kinds of messages, up to the first chunk that has any."""
@@ -248,13 +251,14 @@ class _Log:
             (marked, "samples carry the mark of an IMU error and were dropped"),
             (self.damaged, f"messages {self.kind} have a wrong checksum and were left out"),
             (self.cut, f"message {self.kind} at the end is cut off and was left out"),
+            (self.foreign, "messages of other kinds, or without a kind, have a wrong checksum"),
         ):
             if count and f"{count} {what}" not in notes:
                 notes.append(f"{count} {what}")
 
     def _messages(self, wanted: set[str]) -> Iterator[list[tuple[int, str, bytes]]]:
         """Yield for each chunk the place, the kind and the body of the messages in it."""
-        self.done = self.damaged = self.cut = 0
+        self.done = self.damaged = self.cut = self.foreign = self._spent = 0
         data = b""
         with self.path.open("rb") as file:
             while True:
@@ -297,6 +301,14 @@ class _Log:
                 at = end = at + size
             else:
                 self.damaged += kind in wanted
+                self.foreign += size > 0 and kind not in wanted
+                # Each may announce 64 KB: what is no log must not be summed over and over.
+                self._spent += size
+                if self._spent > _MOST_SUMS * (self.done + _CHUNK):
+                    raise InputError(
+                        f"is too damaged: up to byte {self.done - len(data) + at} hardly a "
+                        "message has a right checksum"
+                    )
                 at += 1
         return found, end, len(data) - 1
 

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-import json
+import math
+import warnings
 import zipfile
-import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from schuler.errors import InputError
+from schuler.errors import InputError, shown
 from schuler.io.arrays import from_arrays
 from schuler.io.content import Content
+from schuler.io.limits import check_size
 from schuler.io.mapping import Mapping
-from schuler.io.parquet import own_mapping
+from schuler.io.own import own_mapping, own_name, parse_own
 
 __all__ = ["NpzReader"]
 
-#: the ways in which NumPy and zipfile say that an archive is damaged
-_DAMAGED = (
-    zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, KeyError, TypeError,
-    NotImplementedError, RuntimeError, SyntaxError, UnicodeError, MemoryError, OverflowError,
-)  # fmt: skip
+#: bytes of the record at an archive's end, its comment included; a count that is elsewhere
+_LONGEST_END = 22 + 0xFFFF
+_MORE = 0xFFFF
 
 
 class NpzReader:
@@ -39,41 +40,92 @@ class NpzReader:
         """Load the arrays that are needed."""
         if not zipfile.is_zipfile(path):
             raise InputError("is not an npz archive, or a truncated one")
-        with path.open("rb") as file:
-            try:
-                archive = np.load(file, allow_pickle=False)
-                names = list(archive.files)
-            except _DAMAGED as error:
-                raise InputError(f"is a damaged npz archive ({error})") from None
-
-            def load(name: str) -> Any:
-                try:
-                    return archive[name]
-                except _DAMAGED as error:
-                    if "allow_pickle" in str(error):
-                        raise InputError(
-                            f"array '{name}' holds Python objects, which are not loaded for "
-                            "safety; save it as an array of numbers"
-                        ) from None
-                    raise InputError(f"array '{name}' is damaged ({error})") from None
-
-            with archive:
-                if "schuler" not in names:
-                    return from_arrays(names, load, mapping)
-                own = _own(load("schuler"))
-                rest = [name for name in names if name != "schuler"]
-                content = from_arrays(rest, load, Mapping())
+        with _damage("is a damaged npz archive"):
+            archive = zipfile.ZipFile(path)
+        with archive:
+            _check_count(path, len(archive.infolist()))
+            arrays = _Arrays(archive, path.stat().st_size)
+            if "schuler" not in arrays.names:
+                return from_arrays(arrays.names, arrays.load, mapping)
+            own = parse_own(str(arrays.load("schuler")), "into the array 'schuler'")
+            rest = [name for name in arrays.names if name != "schuler"]
+            content = from_arrays(rest, arrays.load, Mapping())
         content.said = own_mapping(own)
-        content.name = str(own["name"]) if "name" in own else None
+        content.name = own_name(own)
         content.complete = True
         return content
 
 
-def _own(text: Any) -> dict[str, Any]:
+def _check_count(path: Path, found: int) -> None:
+    """Compare how many arrays the archive's end announces with those that it lists."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        file.seek(max(0, size - _LONGEST_END))
+        end = file.read()
+    at = end.rfind(b"PK\x05\x06")
+    announced = int.from_bytes(end[at + 10 : at + 12], "little")
+    if at >= 0 and announced not in (found, _MORE):
+        raise InputError(f"is a damaged npz archive ({found} of {announced} arrays are listed)")
+
+
+class _Arrays:
+    """The arrays of an archive, whose sizes are checked before they are loaded."""
+
+    def __init__(self, archive: zipfile.ZipFile, size: int) -> None:
+        self._archive = archive
+        self._size = size
+        self._taken: dict[str, int] = {}
+        self._entries: dict[str, zipfile.ZipInfo] = {}
+        with _damage("is a damaged npz archive"):
+            for entry in archive.infolist():
+                if entry.filename in self._entries:
+                    raise ValueError(f"two entries are named '{entry.filename}'")
+                # Opening compares the name in the directory with the one at the entry itself.
+                with archive.open(entry):
+                    self._entries[entry.filename.removesuffix(".npy")] = entry
+        self.names = list(self._entries)
+
+    def load(self, name: str) -> Any:
+        """Return an array."""
+        entry = self._entries[name]
+        label = f"array '{shown(name)}'"
+        with _damage(f"{label} is damaged"):
+            with self._archive.open(entry) as file:
+                shape, kind = _header(file)
+            if kind.hasobject:
+                raise InputError(
+                    f"{label} holds Python objects, which are not loaded for safety; save it as "
+                    "an array of numbers"
+                )
+            count = math.prod(shape)
+            # Numbers of any width become float64.
+            self._taken[name] = max(entry.file_size, 8 * count, kind.itemsize * count)
+            check_size(sum(self._taken.values()), self._size, label)
+            with self._archive.open(entry) as file:
+                return np.lib.format.read_array(file, allow_pickle=False)
+
+
+def _header(file: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    version = np.lib.format.read_magic(file)
+    read = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }.get(version)
+    if read is None:
+        raise ValueError(f"version {version[0]}.{version[1]} of the npy format is not known")
+    shape, _, kind = read(file)
+    return shape, kind
+
+
+@contextmanager
+def _damage(what: str) -> Iterator[None]:
+    """Speak of what NumPy, zipfile and zlib raise for damaged archives, and they raise anything."""
     try:
-        own = json.loads(str(text))
-    except ValueError:
-        own = None
-    if not isinstance(own, dict):
-        raise InputError("the description that schuler wrote into the array 'schuler' is damaged")
-    return own
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except InputError:
+        raise
+    except Exception as error:
+        reason = (str(error).splitlines() or [""])[0] or type(error).__name__
+        raise InputError(f"{what} ({shown(reason)[:120]})") from None

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from schuler.errors import InputError
+from schuler.errors import InputError, shown
 from schuler.io.columns import choose
 from schuler.io.content import BLOCK_ROWS, Array, Block, Content
+from schuler.io.limits import check_rows
 from schuler.io.mapping import Mapping
+from schuler.io.own import own_mapping, own_name, parse_own
+from schuler.io.pages import check_pages
+from schuler.io.sealed import about_of, opened_parquet, stated
 
-__all__ = ["ParquetReader", "own_mapping"]
+__all__ = ["ParquetReader"]
 
 _BUFFER = 1 << 20
 
@@ -32,24 +35,26 @@ class ParquetReader:
     def open(self, path: Path, mapping: Mapping) -> Content:
         """Read the schema."""
         import pyarrow as pa
-        from pyarrow import parquet
 
-        try:
-            with parquet.ParquetFile(path) as file:
-                schema, rows = file.schema_arrow, int(file.metadata.num_rows)
-        except (pa.ArrowException, OSError) as error:
-            raise _damaged(error) from None
-        own = _own(schema.metadata)
+        check_pages(path, ())
+        with opened_parquet(path) as file:
+            schema, rows = file.schema_arrow, int(file.metadata.num_rows)
+            sealed, text = stated(file, path) is not None, about_of(file).get(b"schuler")
+        own = None if text is None else parse_own(text, "into its metadata")
         chosen = choose(schema.names, len(schema.names), Mapping() if own else mapping)
         for i in chosen.all:
             kind = schema.types[i]
             if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or _decimal(kind)):
                 raise InputError(
-                    f"column '{schema.names[i]}' is of type {kind}, not numbers; convert it "
+                    f"column '{shown(schema.names[i])}' is of type {kind}, not numbers; convert it "
                     "(time to seconds) or name another with --columns"
                 )
         if rows == 0:
             raise InputError("has no data rows")
+        check_rows(rows, path.stat().st_size)
+        # A seal is that of all columns.
+        names = schema.names if sealed else [schema.names[i] for i in chosen.all]
+        check_pages(path, names)
         said = chosen.said()
         if own is not None:
             said = own_mapping(own).merged(said)
@@ -57,55 +62,35 @@ class ParquetReader:
 
         def blocks() -> Iterator[Block]:
             done[0] = 0
-            names = [schema.names[i] for i in chosen.all]
-            try:
-                # Through a small buffer: else whole row groups would be held, undecoded.
-                with parquet.ParquetFile(path, pre_buffer=False, buffer_size=_BUFFER) as file:
-                    for batch in file.iter_batches(BLOCK_ROWS, columns=names):
-                        done[0] += batch.num_rows
-                        columns = {i: _numbers(batch.column(schema.names[i])) for i in chosen.all}
-                        yield (
-                            None if chosen.t is None else columns[chosen.t],
-                            [columns[i] for i in chosen.values],
-                            None if chosen.dt is None else columns[chosen.dt],
-                        )
-            except (pa.ArrowException, OSError) as error:
-                raise _damaged(error) from None
+            # Through a small buffer: else whole row groups would be held, undecoded.
+            with opened_parquet(path, pre_buffer=False, buffer_size=_BUFFER) as file:
+                seal = stated(file, path)
+                for batch in file.iter_batches(BLOCK_ROWS, columns=names):
+                    done[0] += batch.num_rows
+                    if seal is not None:
+                        seal.add(batch)
+                    columns = {i: _numbers(batch.column(schema.names[i])) for i in chosen.all}
+                    yield (
+                        None if chosen.t is None else columns[chosen.t],
+                        [columns[i] for i in chosen.values],
+                        None if chosen.dt is None else columns[chosen.dt],
+                    )
+                if seal is not None:
+                    seal.verify()
+            if done[0] != rows:
+                raise InputError(
+                    f"is damaged: {done[0]} of the {rows} rows that it announces are there"
+                )
 
         return Content(
             blocks=blocks,
             said=said,
             time_label=chosen.t_label,
-            name=str(own["name"]) if own and "name" in own else None,
+            name=own_name(own),
             rows=rows,
             progress=lambda: done[0] / rows,
             complete=own is not None,
         )
-
-
-def own_mapping(own: dict[str, Any]) -> Mapping:
-    """Return what schuler wrote about a record as a mapping."""
-    return Mapping(
-        gyro="rad",
-        accel="m/s",
-        time="s",
-        axes="RFU",
-        coning_corrected=bool(own.get("coning_corrected", False)),
-        sculling_corrected=bool(own.get("sculling_corrected", False)),
-    )
-
-
-def _own(metadata: dict[bytes, bytes] | None) -> dict[str, Any] | None:
-    text = (metadata or {}).get(b"schuler")
-    if text is None:
-        return None
-    try:
-        own = json.loads(text)
-    except ValueError:
-        own = None
-    if not isinstance(own, dict):
-        raise InputError("the description that schuler wrote into its metadata is damaged")
-    return own
 
 
 def _numbers(column: Any) -> Array:
@@ -120,9 +105,3 @@ def _decimal(kind: Any) -> bool:
     import pyarrow as pa
 
     return bool(pa.types.is_decimal(kind))
-
-
-def _damaged(error: Exception) -> InputError:
-    return InputError(
-        f"is a damaged or truncated Parquet file ({str(error).splitlines()[0][:120]})"
-    )

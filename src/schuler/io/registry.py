@@ -13,6 +13,7 @@ from schuler.io.content import Reader
 __all__ = ["find_reader", "readers", "register"]
 
 GROUP = "schuler.readers"
+_GZIP = b"\x1f\x8b"
 
 _registered: dict[str, Reader] = {}
 
@@ -99,6 +100,8 @@ def find_reader(path: Path, head: bytes, name: str | None = None) -> Reader:
         for reader in others:
             if reader.sniff(head) or suffix in reader.suffixes:
                 return reader
+    if head.startswith(_GZIP):
+        raise InputError("is compressed by gzip; unpack it (gunzip), or read it through a pipe")
     if b"\0" in head and head[:2] not in (b"\xff\xfe", b"\xfe\xff"):
         names = ", ".join(_built_in())
         raise InputError(

@@ -11,20 +11,18 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from schuler.errors import InputError
+from schuler.errors import InputError, shown
 from schuler.io.content import BLOCK_ROWS, Block, Content
 from schuler.io.mapping import Mapping
+from schuler.io.rosbag import MCAP, ROS1, is_ros1, opened, raw_messages
 
 __all__ = ["RosReader"]
 
-_ROS1 = b"#ROSBAG V2.0"
-_MCAP = b"\x89MCAP0\r\n"
 _SQLITE = b"SQLite format 3\0"
 _FOLDER = b"rosbag2_bagfile_information"
 _TYPES = ("sensor_msgs/msg/Imu", "sensor_msgs/Imu")
@@ -46,16 +44,17 @@ class RosReader:
         tables = b"CREATE TABLE topics" in head and b"CREATE TABLE messages" in head
         if head.startswith(_SQLITE):
             return tables
-        return head.startswith((_ROS1, _MCAP)) or _FOLDER in head[:4096]
+        return head.startswith((ROS1, MCAP)) or _FOLDER in head[:4096]
 
     def open(self, path: Path, mapping: Mapping) -> Content:
         """Choose the topic."""
-        with _opened(path) as bag:
+        with opened(path) as bag:
             topic, count = _choose(bag, mapping.topic)
-            first = next(_messages(bag, topic), None)
+            first = next(raw_messages(bag, topic, _TYPES), None)
         if first is None:
-            raise InputError(f"topic '{topic}' has no messages")
-        ros1 = _is_ros1(path)
+            said = f", though it announces {count}: the bag is damaged" if count else ""
+            raise InputError(f"topic '{topic}' has no messages{said}")
+        ros1 = is_ros1(path)
         values = _decode([first], ros1, topic)[1]
         for lacking, columns in (("angular velocity", slice(0, 3)),
                                  ("linear acceleration", slice(3, 6))):  # fmt: skip
@@ -65,12 +64,13 @@ class RosReader:
                     "-1, or the values are NaN); take another with --topic"
                 )
         done = [0]
+        notes: list[str] = []
 
         def blocks() -> Iterator[Block]:
             done[0] = 0
-            with _opened(path) as bag:
+            with opened(path) as bag:
                 held: list[bytes] = []
-                for message in _messages(bag, topic):
+                for message in raw_messages(bag, topic, _TYPES):
                     held.append(message)
                     if len(held) == _ROWS:
                         done[0] += len(held)
@@ -79,50 +79,22 @@ class RosReader:
                 done[0] += len(held)
                 if held:
                     yield (*_decode(held, ros1, topic), None)
+            if count and done[0] != count:
+                note = (
+                    f"the bag announces {count} messages of '{shown(topic)}', and {done[0]} could "
+                    "be read: it is damaged"
+                )
+                if note not in notes:
+                    notes.append(note)
 
         return Content(
             blocks=blocks,
             said=Mapping(gyro="rad/s", accel="m/s^2", axes="FLU"),
             time_label=f"the stamps of topic '{topic}'",
             rows=count or None,
+            notes=notes,
             progress=lambda: done[0] / max(1, count),
         )
-
-
-def _is_ros1(path: Path) -> bool:
-    if path.is_dir():
-        return False
-    with path.open("rb") as file:
-        return file.read(len(_ROS1)) == _ROS1
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """Open a bag, whatever its kind and name; speak of its damage in one sentence."""
-    try:
-        from rosbags import rosbag1, rosbag2
-    except ImportError:
-        raise InputError("is a ROS bag, which needs rosbags: pip install 'schuler[ros]'") from None
-    try:
-        if path.is_dir():
-            bag: Any = rosbag2.Reader(path)
-        elif _is_ros1(path):
-            bag = rosbag1.Reader(path)
-        else:
-            with path.open("rb") as file:
-                kind = ".mcap" if file.read(len(_MCAP)) == _MCAP else ".db3"
-            bag = rosbag2.Reader.STORAGE_PLUGINS[kind](path)
-        bag.open()
-    except Exception as error:  # rosbags lets many kinds escape from damaged files
-        raise _damaged(error) from None
-    try:
-        yield bag
-    except (InputError, GeneratorExit):
-        raise
-    except Exception as error:  # as above
-        raise _damaged(error) from None
-    finally:
-        bag.close()
 
 
 def _choose(bag: Any, wanted: str | None) -> tuple[str, int]:
@@ -161,12 +133,6 @@ def _choose(bag: Any, wanted: str | None) -> tuple[str, int]:
 def _listing(counts: dict[str, int]) -> str:
     shown = (f"{topic} ({n} messages)" for topic, n in sorted(counts.items()))
     return ", ".join(shown) or "none"
-
-
-def _messages(bag: Any, topic: str) -> Iterator[bytes]:
-    chosen = [c for c in bag.connections if c.topic == topic and c.msgtype in _TYPES]
-    for _, _, data in bag.messages(chosen):
-        yield data
 
 
 def _decode(messages: list[bytes], ros1: bool, topic: str) -> tuple[Any, Any]:
@@ -208,8 +174,3 @@ def _decode(messages: list[bytes], ros1: bool, topic: str) -> tuple[Any, Any]:
 
 def _not_imu(topic: str, size: int) -> InputError:
     return InputError(f"topic '{topic}' has a message of {size} bytes, too few for sensor_msgs/Imu")
-
-
-def _damaged(error: Exception) -> InputError:
-    reason = (str(error).splitlines() or [""])[0] or type(error).__name__
-    return InputError(f"is a damaged or truncated ROS bag ({reason[:120]})")

@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from schuler.errors import InputError
+from schuler.errors import InputError, shown
 from schuler.io.content import Block, Content
 from schuler.io.dialect import NoRowsError, detect
 from schuler.io.flow import Whole, prefetch, readable
 from schuler.io.mapping import Mapping
 from schuler.io.meaning import settle
 from schuler.io.registry import find_reader
+from schuler.io.spool import Spooled, is_pipe, ordinary
 from schuler.record import ImuRecord, Intake, Quality
 
 __all__ = ["FOLDER_MAPPING", "Source"]
@@ -30,6 +31,7 @@ _BAG = "metadata.yaml"
 _HEAD = 1 << 16
 _LONG_HEAD = 1 << 20
 _POLL = 0.2
+_PIPE = "is a pipe, which cannot be followed by its name; give - and lead it to standard input"
 
 
 class Source:
@@ -83,6 +85,9 @@ class Source:
         wait: float | None = None,
     ) -> None:
         self.path = Path(path)
+        # Where the content is: a pipe's is copied, which the object that made the copy removes.
+        self._file = self.path
+        self._spooled: Spooled | None = None
         self._label = "standard input" if self.path == Path("-") else str(path)
         self._max_gap = max_gap
         self._quality: Quality | None = None
@@ -93,7 +98,7 @@ class Source:
             self.format = reader.name
             # The folder's units are for files that state none: the reader must not see them.
             plain = replace(folder, gyro=None, accel=None, time=None)
-            opened = reader.open(self.path, plain.merged(given))
+            opened = reader.open(self._file, plain.merged(given))
             content = opened if isinstance(opened, Content) else _wrap(opened)
             self._meaning = settle(content, given, folder)
             self._new_intake(content)  # refuses a bad max_gap now
@@ -124,6 +129,9 @@ class Source:
             if wait is not None and not readable(sys.stdin.buffer, wait):
                 raise InputError(f"nothing came in {wait:g} s")
             return mapping, folder, [], None, b""
+        pipe = is_pipe(self.path)
+        if pipe and wait is not None:
+            raise InputError(_PIPE)
         bag = self.path / _BAG
         if self.path.is_dir() and not bag.is_file():
             raise InputError("is a folder; name a file in it")
@@ -137,15 +145,19 @@ class Source:
             notes.append(f"defaults were taken from '{shared.name}' in its folder")
         if sidecar.is_file():
             mapping = Mapping.from_toml(sidecar).merged(mapping)
-            notes.append(f"the mapping beside it, '{sidecar.name}', was used")
+            notes.append(f"the mapping beside it, '{shown(sidecar.name)}', was used")
         if self.path.is_dir():
             size = sum(file.stat().st_size for file in self.path.iterdir() if file.is_file())
             return mapping, folder, notes, size, bag.read_bytes()[:_HEAD]
         if wait is not None:
             self._wait(folder.merged(mapping), wait)
-        with self.path.open("rb") as file:
+        ordinary(self.path)
+        if pipe:
+            self._spooled = Spooled(self.path)
+            self._file = self._spooled.path
+        with self._file.open("rb") as file:
             head = file.read(_HEAD)
-        size = self.path.stat().st_size
+        size = self._file.stat().st_size
         if not head:
             raise InputError("is empty")
         return mapping, folder, notes, size, head
@@ -324,6 +336,8 @@ class Source:
         InputError
             If the format cannot be followed, the file becomes shorter, or a row is bad.
         """
+        if self._spooled is not None:
+            raise InputError(f"{self._label}: {_PIPE}")
         if self._content.follow is None:
             raise InputError(
                 f"{self._label}: a {self.format} file cannot be followed, only text can"

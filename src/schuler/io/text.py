@@ -13,20 +13,26 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
-from schuler.errors import InputError
+from schuler.errors import InputError, shown
 from schuler.io.cells import Cells, LineError
 from schuler.io.columns import Chosen, choose
 from schuler.io.content import Array, Block, Content
 from schuler.io.dialect import Dialect, NoRowsError, detect, split
 from schuler.io.flow import readable
 from schuler.io.mapping import Mapping
-from schuler.io.parquet import own_mapping
+from schuler.io.own import own_mapping, own_name
 
 __all__ = ["TextReader", "TextTable", "arrange"]
 
 _BLOCK_BYTES = 4 << 20
 _HEAD = 1 << 16
 _LONGEST = 1 << 20
+#: how far before the data a file's layout is looked for
+_LONGEST_HEAD = 16 << 20
+_RECENT = 1 << 13
+_LOOK_BACK = 50
+#: what can stand after a whole number
+_ENDS = (b" ", b"\t", b"\r", b'"')
 
 
 class TextReader:
@@ -56,7 +62,7 @@ class TextReader:
             blocks=lambda: arrange(table.blocks(), chosen),
             said=said,
             time_label=chosen.t_label,
-            name=str(own["name"]) if own and "name" in own else None,
+            name=own_name(own),
             notes=table.notes,
             progress=table.progress,
             complete=own is not None,
@@ -68,14 +74,30 @@ def _look(file: IO[bytes], mapping: Mapping, stream: bool) -> tuple[bytes, Diale
     head = b""
     while True:
         # A pipe is not read ahead: what it holds now must be passed on now.
-        more = file.read1(_HEAD) if stream else file.read(_HEAD)  # type: ignore[attr-defined]
+        # More each time: else a long preamble would be gone through over and over.
+        size = max(_HEAD, 3 * len(head))
+        more = file.read1(size) if stream else file.read(size)  # type: ignore[attr-defined]
         head += more
+        if len(head) > _LONGEST_HEAD:
+            raise InputError(
+                f"has no row of numbers in its first {_LONGEST_HEAD >> 20} MB: cut off what is "
+                "before the table"
+            )
         try:
             return head, detect(head, not more, mapping)
         except NoRowsError:
             # A long preamble, or a pipe that has only just begun.
             if not more:
                 raise
+
+
+def _form(cell: str, decimal: str) -> tuple[int, int, int]:
+    """Return how a number is written: decimals, digits of the exponent, else its length."""
+    mantissa, _, exponent = cell.lower().replace("d", "e").partition("e")
+    whole, _, decimals = mantissa.lstrip("+-").partition(decimal)
+    if decimals or exponent:
+        return len(decimals), len(exponent), 0
+    return 0, 0, len(whole)
 
 
 def arrange(blocks: Iterator[dict[int, Array]], chosen: Chosen) -> Iterator[Block]:
@@ -122,6 +144,7 @@ class TextTable:
     head: bytes = b""
     block_bytes: int = 0
     notes: list[str] = field(default_factory=list)
+    _recent: bytes = b""
     _read: int = 0
     _used: bool = False
 
@@ -147,6 +170,7 @@ class TextTable:
                 try:
                     block, rest = self._cut(rest, piece, whole)
                     if block:
+                        self._recent = block[-_RECENT:]
                         yield self._cells.parse(block)
                 except LineError as error:
                     # Lines are counted only when one is wrong: counting costs as much as parsing
@@ -242,12 +266,47 @@ class TextTable:
         return b"", rest + piece
 
     def _end(self, rest: bytes) -> bytes:
-        """Drop a last line that was cut off while it was written."""
+        """Drop a last line that was cut off while it was written, or may have been."""
         begin = rest.rfind(b"\n") + 1
         tail = rest[begin:].decode("utf-8", errors="replace").strip()
         if not tail or tail.encode().startswith(self.dialect.comment):
             return rest[:begin]
-        if len(split(tail, self.dialect.delimiter)) < self.dialect.count:
-            self.notes.append(f"the last line is cut off and was dropped: '{tail[:60]}'")
-            return rest[:begin]
-        return rest + b"\n"
+        cells = split(tail, self.dialect.delimiter)
+        reason = None
+        if len(cells) < self.dialect.count:
+            reason = "the last line is cut off and was dropped"
+        elif len(cells) == self.dialect.count and len(cells) - 1 in self.columns:
+            before = (self._recent + rest[:begin]).split(b"\n")[-_LOOK_BACK:]
+            if not rest.endswith(_ENDS) and self._cut_cell(cells[-1], before):
+                reason = (
+                    "the last line has no line end, so its last number may be cut off; it was "
+                    "dropped (add a line end if it is whole)"
+                )
+        if reason is None:
+            return rest + b"\n"
+        note = f"{reason}: '{shown(tail[-60:])}'"
+        if note not in self.notes:
+            self.notes.append(note)
+        return rest[:begin]
+
+    def _cut_cell(self, cell: str, before: list[bytes]) -> bool:
+        """Say whether a last cell was cut: shorter than all above it, or of another form.
+
+        Numbers of a fixed format have the same digits in every row; of others, a cell that is
+        cut is shorter than most, or lacks the exponent that its neighbours have.
+        """
+        d = self.dialect
+        cells = []
+        for line in before:
+            row = split(line.decode("utf-8", errors="replace"), d.delimiter)
+            if len(row) == d.count and not line.startswith(d.comment):
+                cells.append(row[-1])
+        digits = [other for other in cells if other[-1:].isdigit()]
+        if not digits or (cell[-1:].isalpha() and cell[-1:].lower() not in "ed"):
+            return False
+        forms = {_form(other, d.decimal) for other in digits}
+        if len(forms) == 1 and len(digits) > 1:
+            return forms != {_form(cell, d.decimal)}
+        if all(_form(other, d.decimal)[1] for other in digits) and not _form(cell, d.decimal)[1]:
+            return True
+        return len(cell.lstrip("+-")) < min(len(other.lstrip("+-")) for other in digits)

@@ -13,6 +13,7 @@ from schuler._files import replacing
 from schuler.attitude import psi_to_heading, quat_to_euler
 from schuler.constants import DEG
 from schuler.errors import InputError
+from schuler.io.sealed import write_sealed
 from schuler.simulate import Truth
 
 __all__ = ["truth_path", "write_truth"]
@@ -47,7 +48,6 @@ def write_truth(truth: Truth, path: str | Path, about: Mapping[str, Any] | None 
         For another suffix, or if the file cannot be written.
     """
     import pyarrow as pa
-    from pyarrow import parquet
 
     path = Path(path)
     if path.suffix.lower() != ".parquet":
@@ -61,8 +61,10 @@ def write_truth(truth: Truth, path: str | Path, about: Mapping[str, Any] | None 
     ]  # fmt: skip
     table = pa.table(
         [pa.array(np.ascontiguousarray(column)) for column in columns], names=list(_COLUMNS)
-    ).replace_schema_metadata({"schuler": json.dumps(about or {}, allow_nan=False)})
+    )
+    text = json.dumps(about or {}, allow_nan=False)
     with replacing(path) as part:
-        parquet.write_table(
-            table, part, compression="zstd", use_dictionary=False, row_group_size=1 << 18
-        )
+        write_sealed(
+            table, part, {"schuler": text},
+            compression="zstd", use_dictionary=False, row_group_size=1 << 18,
+        )  # fmt: skip

@@ -18,9 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from schuler.errors import InputError
+from schuler.errors import InputError, shown
 from schuler.io.content import BLOCK_ROWS, Array, Block, Content
 from schuler.io.mapping import Mapping
+from schuler.io.ulogfile import clean
 
 __all__ = ["UlogReader"]
 
@@ -92,12 +93,16 @@ def _load(path: Path) -> tuple[list[_Stream], list[str]]:
     except ImportError:
         raise InputError("is a PX4 ULog, which needs pyulog: pip install 'schuler[ulog]'") from None
     try:
+        with path.open("rb") as file:
+            sound = clean(file, path.stat().st_size, (_INCREMENTS, _RATES))
         # pyulog prints what it finds; a command's output must stay its own.
-        with contextlib.redirect_stdout(io.StringIO()), path.open("rb") as file:
-            log = ULog(file, [_INCREMENTS, _RATES])
+        with contextlib.redirect_stdout(io.StringIO()):
+            log = ULog(io.BytesIO(sound.data), [_INCREMENTS, _RATES])
+    except InputError:
+        raise
     except Exception as error:  # pyulog lets many kinds escape from damaged files
         reason = (str(error).splitlines() or [""])[0] or type(error).__name__
-        raise InputError(f"is a damaged or truncated ULog ({reason[:120]})") from None
+        raise InputError(f"is a damaged or truncated ULog ({shown(reason)[:120]})") from None
     streams = []
     for item in log.data_list:
         missing = [name for name in _fields(item.name) if name not in item.data]
@@ -105,14 +110,23 @@ def _load(path: Path) -> tuple[list[_Stream], list[str]]:
             raise InputError(f"its {item.name} has no {', '.join(missing)}, which PX4 logs there")
         streams.append(_Stream(item.name, item.multi_id, item.data, _coverage(item)))
     if not streams:
-        names = sorted(n for n in log.message_formats if "imu" in n or n.startswith("sensor"))
+        names = sorted(n for n in sound.names if "imu" in n or n.startswith("sensor"))
         raise InputError(
             f"has no samples of {_INCREMENTS} or {_RATES}; what it defines of its sensors is "
             f"{', '.join(names[:20]) or 'nothing'}"
         )
     notes = []
-    if log.file_corruption:
-        notes.append("parts of the log are damaged and were left out")
+    if sound.cut:
+        notes.append("the log ends in the middle of a message: it was cut off, and what came "
+                     "after is missing")  # fmt: skip
+    short = sum(sound.rows.values()) - sum(map(len, streams))
+    if short:
+        notes.append(f"{short} of its messages have a wrong size and were left out")
+    if log.file_corruption or sound.lost:
+        notes.append(
+            "parts of the log are damaged and were left out"
+            + (f": {sound.lost} bytes belong to no whole message" if sound.lost else "")
+        )
     if log.dropouts:
         lost = sum(d.duration for d in log.dropouts)
         notes.append(f"the logger reports {len(log.dropouts)} dropouts of {lost} ms in all")

@@ -12,6 +12,7 @@ import numpy as np
 from schuler._files import replacing
 from schuler.errors import InputError
 from schuler.io.dialect import MAGIC
+from schuler.io.sealed import write_sealed
 from schuler.record import ImuRecord
 
 __all__ = ["write"]
@@ -81,13 +82,11 @@ def _table(record: ImuRecord) -> Any:
 
 
 def _write_parquet(record: ImuRecord, path: Path, about: str) -> None:
-    from pyarrow import parquet
-
-    table = _table(record).replace_schema_metadata({"schuler": about})
     # Measured values hardly repeat: a dictionary of them only costs.
-    parquet.write_table(
-        table, path, compression="zstd", use_dictionary=False, row_group_size=1 << 18
-    )
+    write_sealed(
+        _table(record), path, {"schuler": about},
+        compression="zstd", use_dictionary=False, row_group_size=1 << 18,
+    )  # fmt: skip
 
 
 def _write_csv(record: ImuRecord, path: Path, about: str) -> None:

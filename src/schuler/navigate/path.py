@@ -141,7 +141,8 @@ class Path(Shown):
             For another suffix, or if the file cannot be written.
         """
         import pyarrow as pa
-        from pyarrow import parquet
+
+        from schuler.io.sealed import write_sealed
 
         path = File(path)
         if path.suffix.lower() != ".parquet":
@@ -164,7 +165,7 @@ class Path(Shown):
             columns["sigma_heading [arcmin]"] = np.sqrt(self.variances[:, 2]) / ARCMIN
         table = pa.table({k: pa.array(np.ascontiguousarray(v)) for k, v in columns.items()})
         with replacing(path) as part:
-            parquet.write_table(table, part, compression="zstd", use_dictionary=False)
+            write_sealed(table, part, {}, compression="zstd", use_dictionary=False)
 
     def __str__(self) -> str:
         f = self.final

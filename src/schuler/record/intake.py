@@ -142,10 +142,14 @@ class Intake:
         Raises
         ------
         InputError
-            If the arrays are not those of an intake.
+            If the arrays are not those of an intake, or contradict one another.
         """
-        if arrays["intake"].shape != self._state.shape:
-            raise InputError("the saved state is not one of this version's intake")
+        from schuler.kernels.layout import LayoutError, check_intake
+
+        try:
+            check_intake(arrays)
+        except LayoutError as error:
+            raise InputError(f"the saved state of an intake is damaged: {error}") from None
         self._state = arrays["intake"].copy()
         self._nominal = float(arrays["intake_nominal"][0]) or None
         times = arrays["intake_times"]

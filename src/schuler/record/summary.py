@@ -184,12 +184,28 @@ class Summariser:
 
     def arrays(self) -> dict[str, Array]:
         """Return all that a later summariser needs to go on in this one's place."""
-        return {"summary": self._state.copy(), "summary_table": self._table.copy()}
+        # Rows after the one under way are zero.
+        rows = int(self._state[0]) + 1
+        return {"summary": self._state.copy(), "summary_table": self._table[:rows].copy()}
 
     def restore(self, arrays: dict[str, Array]) -> None:
-        """Go on in the place of the summariser that gave the arrays."""
+        """Go on in the place of the summariser that gave the arrays.
+
+        Raises
+        ------
+        InputError
+            If the arrays are not those of a summariser, or contradict one another.
+        """
+        from schuler.kernels.layout import LayoutError, check_summary
+
+        try:
+            check_summary(arrays)
+        except LayoutError as error:
+            raise InputError(f"the saved state of a summary is damaged: {error}") from None
+        table = arrays["summary_table"]
         self._state[:] = arrays["summary"]
-        self._table[:] = arrays["summary_table"]
+        self._table[:] = 0.0
+        self._table[: len(table)] = table
 
     def summary(self) -> Summary:
         """Return the summary of what has been taken.
