@@ -275,7 +275,7 @@ class Aligner:
             raise InputError(f"{self._name}: {hints[0]} (an alignment needs the force at rest)")
         assessed = assess(
             h, summary, self.site, self.spec, self._estimate(h, self.spec),
-            lambda spec: self._estimate(h, spec),
+            self._estimate,
         )  # fmt: skip
         found = assessed.estimate
         budget = capped(found.budget)

@@ -21,6 +21,7 @@ from schuler.align.consistency import (
     check,
     with_gyro_bias,
 )
+from schuler.align.debias import without_gyro_bias
 from schuler.align.estimate import Estimate
 from schuler.align.history import History
 from schuler.align.joint import joint
@@ -62,7 +63,7 @@ class Assessment:
 
 def assess(
     h: History, summary: Summary, site: Site, spec: ImuSpec | None, found: Estimate,
-    again: Callable[[ImuSpec], Estimate],
+    again: Callable[[History, ImuSpec], Estimate],
 ) -> Assessment:  # fmt: skip
     """Hold an estimate against its record.
 
@@ -75,7 +76,7 @@ def assess(
         The instrument as it was specified.
     found : Estimate
     again : callable
-        Makes the estimate for another specification.
+        Makes the estimate for another history and specification.
     """
     if _turns_only_by_gyros(summary):
         bias = float(np.linalg.norm(summary.mean_rate))
@@ -92,7 +93,7 @@ def assess(
     elif result.least_bias > 0.0:
         wider = found.spec or ImuSpec(GyroSpec(), AccelerometerSpec(), name="none")
         try:
-            found = again(with_gyro_bias(wider, result.least_bias))
+            found = _with_bias(h, with_gyro_bias(wider, result.least_bias), again)
         except InputError:
             found = _level_only(h, summary, site, spec)
         if spec is None:
@@ -106,6 +107,25 @@ def assess(
         found = _without_heading(found)
     return Assessment(found, result.contradictions, tuple(notes))
 
+
+def _with_bias(
+    h: History, spec: ImuSpec, again: Callable[[History, ImuSpec], Estimate]
+) -> Estimate:
+    """Return the estimate with a bias that is too large for one linear step."""
+    first = again(h, spec)
+    if first.best is None:
+        return first
+    bias = first.best.biases[:3]
+    if float(np.linalg.norm(bias)) * h.duration < _SQUARE:
+        return first
+    found = again(without_gyro_bias(h, bias), spec)
+    if found.biases is not None:
+        found = replace(found, biases=found.biases + np.concatenate([bias, np.zeros(3)]))
+    return found
+
+
+_SQUARE = 1e-4
+"""Turn (rad) by a bias over the record beyond which its square may count."""
 
 _NO_HEADING = (
     "the gyros' bias hides the Earth's rate: the level is that of the accelerometers, and there is "

@@ -62,6 +62,9 @@ _HEIGHT_SIGMA = 200.0
 _LARGEST_BASE_RATE = 1.0 * DEG_PER_HOUR
 """More than so much (1-sigma) no standing vehicle yaws over minutes."""
 
+_GROSS = 1.0 * DEG_PER_HOUR
+"""Without a specification a smaller bias is no contradiction, whatever else would explain it."""
+
 _AXES_MARGIN = 15.0
 """Log likelihood by which another naming of the axes must be better."""
 
@@ -104,6 +107,8 @@ class EarthRateTest:
         Excess of the rate about north and up over the Earth's, rad/s.
     base_rate : float
         Yaw rate of the base (1-sigma) that was allowed for, rad/s.
+    accel_probability, accel_bias : float
+        The same of the accelerometers, and the largest bias seen, m/s^2.
     """
 
     statistic: float
@@ -113,6 +118,8 @@ class EarthRateTest:
     north: float
     up: float
     base_rate: float
+    accel_probability: float
+    accel_bias: float
 
 
 @dataclass(frozen=True)
@@ -203,21 +210,81 @@ def _base_yaw_rate(normal: NormalEquations, gyro: float, accel: float) -> float:
     return float(np.sqrt(np.minimum(sizes, _LARGEST_BASE_RATE) ** 2 @ weight / weight.sum()))
 
 
-def _observable(
-    normal: NormalEquations, gyro: float, accel: float, base_rate: tuple[float, float, float]
-) -> tuple[float, int]:
-    """Return the chi-square of the observable part of the biases against their prior."""
-    prior = _priors(normal, gyro, accel, base_rate)
-    found, covariance = normal.solve(prior)
-    scale = prior[3:9]
-    value = found[3:9] / scale
-    gained = np.eye(6) - covariance[3:9, 3:9] / np.outer(scale, scale)
-    share, vectors = np.linalg.eigh(0.5 * (gained + gained.T))
-    seen = share > 1e-3
-    if not np.any(seen):
-        return 0.0, 0
-    parts = (vectors.T @ value)[seen] / np.sqrt(share[seen])
-    return float(parts @ parts), int(seen.sum())
+_SHARE = {"gyro": 1e-3, "accelerometer": 1.0}
+"""A bias of which the record shows less, relative to its prior's information, is not tested.
+
+Below it a gyro's bias is known 30 times worse than its prior. What a single position shows of an
+accelerometer's is second order, so it must be known better than its prior, as by several dwells.
+"""
+
+_DIGITS = 1e-9
+"""Share of the information that its elimination leaves uncertain."""
+
+_UNSPECIFIED_GYRO = 0.05 * DEG_PER_HOUR
+"""Without a specification, biases are tested that a record shows to thirty times this, rad/s."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Observable:
+    """The part of a triad's biases that a record shows: k values with variances.
+
+    Parameters
+    ----------
+    vectors : (3, k) float64
+    value, variance : (k,) float64
+        rad/s or m/s^2.
+    """
+
+    vectors: Array
+    value: Array
+    variance: Array
+
+    @classmethod
+    def of(cls, normal: NormalEquations, which: str, prior: Array, unit: float) -> _Observable:
+        """Make it.
+
+        Parameters
+        ----------
+        normal : NormalEquations
+        which : {"gyro", "accelerometer"}
+        prior : (n,) float64
+            1-sigma of all else.
+        unit : float
+            Scale of what is expected, rad/s or m/s^2.
+        """
+        columns = NormalEquations.GYRO if which == "gyro" else NormalEquations.ACCEL
+        information, right = normal.marginal(columns, prior)
+        weight, vectors = np.linalg.eigh(information)
+        # What is below the digits of the elimination is not seen either.
+        whole = float(np.diag(normal.information)[columns].max())
+        seen = weight > max(_SHARE[which] / unit**2, _DIGITS * whole)
+        return cls(vectors[:, seen], (vectors.T @ right)[seen] / weight[seen], 1.0 / weight[seen])
+
+    def statistic(self, prior: float) -> float:
+        """Return the chi-square of the values against a prior about zero."""
+        return float(np.sum(self.value**2 / (self.variance + prior**2)))
+
+    def probability(self, prior: float) -> float:
+        """Return how likely chance makes as large a chi-square."""
+        from scipy.stats import chi2
+
+        k = len(self.value)
+        return float(chi2.sf(self.statistic(prior), k)) if k else 1.0
+
+    def likely(self) -> float:
+        """Return twice the 1-sigma of a bias that makes the values likeliest.
+
+        Twice, because one or two values say little of the size of what made them.
+        """
+        sizes = np.geomspace(1e-3, 1e4, 140) * float(np.sqrt(self.variance.min()))
+        total = self.variance[:, None] + sizes**2
+        log = -0.5 * np.sum(np.log(total) + self.value[:, None] ** 2 / total, axis=0)
+        return 2.0 * float(sizes[np.argmax(log)])
+
+    @property
+    def bias(self) -> Array:
+        """The biases as far as they are seen, (3,)."""
+        return np.asarray(self.vectors @ self.value)
 
 
 def earth_rate_test(
@@ -235,34 +302,27 @@ def earth_rate_test(
     up, north : (3,) float64
         Of the level frame in body axes, in the middle of the record.
     """
-    from scipy.stats import chi2
-
     normal = best.normal
     force = site.gravity
-    gyro = 1e-4 * DEG_PER_HOUR
-    accel = 1.0 * MICRO_G
+    # Deflection of the vertical acts like a bias of the accelerometers.
+    accel = DEFLECTION_SIGMA * force
+    gyro = 0.0
     if spec is not None:
-        gyro = max(gyro, bias_sigma(spec.gyro, force))
-        accel = max(accel, bias_sigma(spec.accelerometer, force))
-    accel = float(np.hypot(accel, DEFLECTION_SIGMA * force))
-    yaw = _base_yaw_rate(normal, gyro, accel)
-    rates = (np.inf, np.inf, yaw)
-    statistic, freedom = _observable(normal, gyro, accel, rates)
-    probability = float(chi2.sf(statistic, freedom)) if freedom else 1.0
-    least = gyro
-    if probability < FALSE_ALARM:
-        # The least bias that makes the statistic an ordinary one.
-        low, high = np.log(gyro), np.log(1e4 * EARTH_RATE)
-        for _ in range(30):
-            middle = 0.5 * (low + high)
-            value, n = _observable(normal, float(np.exp(middle)), accel, rates)
-            low, high = (middle, high) if value > n else (low, middle)
-        least = float(np.exp(high))
-    free = _priors(normal, 1e4 * EARTH_RATE, accel, rates)
-    bias = normal.solve(free)[0][NormalEquations.GYRO]
+        gyro = bias_sigma(spec.gyro, force)
+        accel = float(np.hypot(accel, bias_sigma(spec.accelerometer, force)))
+    scale = gyro or _UNSPECIFIED_GYRO
+    yaw = _base_yaw_rate(normal, scale, accel)
+    prior = _priors(normal, scale, accel, (np.inf, np.inf, yaw))
+    seen = _Observable.of(normal, "gyro", prior, scale)
+    probability = seen.probability(gyro)
+    least = max(gyro, seen.likely()) if probability < FALSE_ALARM else gyro
+    bias = seen.bias
+    held = _Observable.of(normal, "accelerometer", prior, accel)
     return EarthRateTest(
-        statistic, freedom, probability, least, float(bias @ north), float(bias @ up), yaw
-    )
+        seen.statistic(gyro), len(seen.value), probability, least, float(bias @ north),
+        float(bias @ up), yaw, held.probability(accel),
+        float(np.abs(held.bias).max()) if len(held.value) else 0.0,
+    )  # fmt: skip
 
 
 def _degrees_per_hour(rate: float) -> str:
@@ -291,7 +351,7 @@ def _earth_rate_text(
         if abs(own + site.lat) < 5.0 and abs(site.lat) > 5.0:
             readings.append("with the other sign of the accelerometers")
             readings.append(f"with the other sign of the latitude ({-site.lat:g} deg)")
-        elif abs(own - site.lat) > 0.2:
+        elif abs(own - site.lat) > 0.5:
             readings.append(f"at latitude {own:.1f} deg")
     if readings:
         text += f"; {' or '.join(readings)} it would be consistent"
@@ -465,8 +525,17 @@ def check(
             least = found.least_bias
             bias = 0.0 if spec is None else spec.gyro.bias
             text = _earth_rate_text(found, site, summary.mean_rate, c_nb[2], bias)
-            if spec is not None or "consistent" in text:
+            if spec is not None or (least > _GROSS and "it would be consistent" in text):
                 contradictions.append(Contradiction("earth-rate", text))
+        if spec is not None and found.accel_probability < FALSE_ALARM:
+            contradictions.append(
+                Contradiction(
+                    "accelerometer-bias",
+                    f"the dwells show an accelerometer bias of {found.accel_bias / MICRO_G:.3g} "
+                    f"ug, where {spec.accelerometer.bias / MICRO_G:.3g} ug is specified; do the "
+                    "turns between them agree with the axes?",
+                )
+            )
     gravity = gravity_test(summary, site, spec)
     if gravity is not None:
         contradictions.append(gravity)

@@ -28,7 +28,7 @@ from schuler.align.uncertainty import (
     instrument_budget,
     weighted_responses,
 )
-from schuler.attitude import quat_to_matrix
+from schuler.attitude import quat_to_matrix, rotvec_to_quat
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.sensors import ImuSpec
@@ -122,14 +122,17 @@ def estimate(
         sway = np.zeros((3, 3))
         if method.estimator == "optimal":
             best = best or joint(h, site, spec)
-            r, sway, levels = best.rotation, best.sway, best.levels
+            answer = best.end if at_end else best.start
+            r, sway, levels = best.rotation, answer.sway, best.levels
+            if at_end:
+                r = np.asarray(quat_to_matrix(rotvec_to_quat(-best.bias_turn)) @ r)
             if spec is not None and len(best.dwells) != 1:
                 # One dwell shows no bias apart from the attitude.
                 biases, bias_covariance = best.biases, best.covariance[3:, 3:]
             if len(best.dwells) > 1:
                 positions = tuple(best.positions(site))
             responses = weighted_responses(
-                best.history, best.weights, best.angle, best.attitude, site.gravity,
+                best.history, answer.weights, answer.angle, best.attitude, site.gravity,
                 site.latitude, at_end,
             )  # fmt: skip
         else:

@@ -111,6 +111,64 @@ class NormalEquations:
         value[free] = part @ self.right[free]
         return value, covariance
 
+    def marginal(self, columns: slice, prior_sigma: Array) -> tuple[Array, Array]:
+        """Return information (k, k) and right side (k,) of some unknowns, all else eliminated.
+
+        Parameters
+        ----------
+        columns : slice
+            `GYRO` or `ACCEL`.
+        prior_sigma : (n,) float64
+            As in `solve`; those of the unknowns themselves are not used.
+        """
+        kept = np.arange(len(prior_sigma))[columns]
+        free = prior_sigma > 0
+        free[kept] = False
+        # No unknown is quite free: a weak prior keeps the digits of the elimination.
+        weak = np.full(len(prior_sigma), 1.0)
+        weak[9:11], weak[self.BASE_RATE] = 100.0, 1e-3
+        sigma = np.minimum(np.where(free, prior_sigma, 1.0), weak)
+        rest = (self.information + np.diag(1.0 / sigma**2))[np.ix_(free, free)]
+        scale = 1.0 / np.sqrt(np.diag(rest))
+        across = self.information[np.ix_(free, kept)] * scale[:, None]
+        both = np.column_stack([across, scale * self.right[free]])
+        solved = np.linalg.solve(rest * np.outer(scale, scale), both)
+        information = self.information[np.ix_(kept, kept)] - across.T @ solved[:, :-1]
+        right = self.right[kept] - across.T @ solved[:, -1]
+        return 0.5 * (information + information.T), right
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """How phi at one instant, in i0, answers to errors of the two series.
+
+    Parameters
+    ----------
+    weights : Weights
+        From errors of the velocity.
+    angle : (m, 3, 3) float64
+        From errors of the attitude over each stretch.
+    sway : (3, 3) float64
+        Covariance that the base's own turning makes, rad^2.
+    """
+
+    weights: Weights
+    angle: Array
+    sway: Array
+
+    @classmethod
+    def from_gains(cls, gain_a: Array, gain_v: Array, local: Array, mean_sway: Array) -> Answer:
+        """Make it of gains (m, 3, 3) and (m, 3, 2), series in the level frame `local`."""
+        sway = sum(
+            (gain_a[:, :, k].T @ mean_sway[k] @ gain_a[:, :, k] for k in range(3)),
+            np.zeros((3, 3)),
+        )
+        weights = Weights(
+            np.zeros(1, np.int64), np.zeros((1, 3, 3)), np.zeros(1, np.int64),
+            -gain_v @ local[:, :2],
+        )  # fmt: skip
+        return cls(weights, -gain_a @ local, np.asarray(sway))
+
 
 @dataclass(frozen=True, eq=False)
 class Joint:
@@ -124,12 +182,10 @@ class Joint:
         Of gyros (rad/s) and accelerometers (m/s^2), body axes.
     covariance : (9, 9) float64
         Of phi_0 (in i0) and the biases.
-    weights : Weights
-        phi_0 from errors of the velocity.
-    angle : (m, 3, 3) float64
-        phi_0 from errors of the attitude, in i0, over each stretch.
-    sway : (3, 3) float64
-        Covariance of phi_0 that the base's own turning makes, rad^2.
+    start, end : Answer
+        How phi at the start and at the end, both in i0, answers to the series.
+    bias_turn : (3,) float64
+        Turn in i0 by which the estimated gyro biases have carried the tracked attitude at the end.
     levels : Levels
         Of the motion in the velocity (`disturbance_levels`).
     history : History
@@ -153,9 +209,9 @@ class Joint:
     rotation: Array
     biases: Array
     covariance: Array
-    weights: Weights
-    angle: Array
-    sway: Array
+    start: Answer
+    end: Answer
+    bias_turn: Array
     levels: Levels
     history: History
     attitude: Array
@@ -298,17 +354,16 @@ def joint(h: History, site: Site, spec: ImuSpec | None, *, free_latitude: bool =
     right = np.zeros(len(information))
     for turn, rows_a, move, rows_v, weighted in groups:
         right += weighted @ np.concatenate([turns[rows_a, turn], e[rows_v, move]])
-    spread = sum(
-        (gain_a[:, :3, k].T @ series.mean_sway[k] @ gain_a[:, :3, k] for k in range(3)),
-        np.zeros((3, 3)),
-    )
-    w = Weights(
-        np.zeros(1, np.int64), np.zeros((1, 3, 3)), np.zeros(1, np.int64),
-        -gain_v[:, :3] @ local[:, :2],
+    # At the end the biases have turned the tracked attitude: that is taken off as well.
+    carried = np.einsum("iab,i->ab", attitude, dt)
+    start = Answer.from_gains(gain_a[:, :3], gain_v[:, :3], local, series.mean_sway)
+    end = Answer.from_gains(
+        gain_a[:, :3] - carried @ gain_a[:, 3:6], gain_v[:, :3] - carried @ gain_v[:, 3:6], local,
+        series.mean_sway,
     )  # fmt: skip
     return Joint(
-        r, biases, covariance[:9, :9], w, -gain_a[:, :3] @ local, np.asarray(spread), levels, h,
-        attitude, dwells, _share(series, gain_a, gain_v, local[m // 2, 2]), series.sway_levels,
+        r, biases, covariance[:9, :9], start, end, carried @ biases[:3], levels, h, attitude,
+        dwells, _share(series, gain_a, gain_v, local[m // 2, 2]), series.sway_levels,
         dwells == ((0, m),) and len(series.attitude_rows) > 0, latitude,
         NormalEquations(information, right),
     )  # fmt: skip
