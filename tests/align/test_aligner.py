@@ -115,7 +115,8 @@ def test_warnings_are_stated(still):
     turned = align(replace(still.record, dtheta=57.29578 * still.record.dtheta), SITE, "analytic")
     assert any("in deg/s" in text for text in turned.warnings)
     wrong = align(still.record, Site(-40.0))
-    assert any("sign of the latitude" in text for text in wrong.warnings)
+    assert not wrong.consistent
+    assert "sign of the latitude" in wrong.headline()
 
 
 def test_a_noisy_record_keeps_its_specification(still):

@@ -79,7 +79,7 @@ def test_json_is_pure_and_complete(run: Run, csv: Path) -> None:
     ran = run("align", csv, *PLACE, "--spec", "navigation-fog", "--json", "-")
     data = json.loads(ran.out)
     assert ran.err == ""
-    assert data["schema"] == "schuler.alignment/1"
+    assert data["schema"] == "schuler.alignment/2"
     sigma = data["sigma_arcmin"]["up"]
     # Six sigma: one false alarm in 5e8 seeds.
     assert abs(off_arcmin(data["heading_deg"])) < 6 * sigma
@@ -128,7 +128,7 @@ def test_a_failure_keeps_the_old_result(run: Run, csv: Path, tmp_path: Path) -> 
 def test_through_click_s_own_runner(csv: Path) -> None:
     ran = CliRunner().invoke(cli, ["align", str(csv), *PLACE, "--json", "-"])
     assert ran.exit_code == 0
-    assert json.loads(ran.stdout)["schema"] == "schuler.alignment/1"
+    assert json.loads(ran.stdout)["schema"] == "schuler.alignment/2"
     assert ran.stderr.startswith("warning: no instrument specification")
 
 
@@ -344,7 +344,7 @@ def schuler(*arguments: object, **options: object) -> subprocess.CompletedProces
 def test_process(csv: Path, tmp_path: Path) -> None:
     done = schuler("align", csv, *PLACE, "--json", "-")
     assert done.returncode == 0
-    assert json.loads(done.stdout)["schema"] == "schuler.alignment/1"
+    assert json.loads(done.stdout)["schema"] == "schuler.alignment/2"
     assert done.stderr.count("\n") == 1
     done = schuler("align", tmp_path / "no.csv", *PLACE)
     assert (done.returncode, done.stdout) == (2, "")

@@ -162,7 +162,7 @@ def _level_only(h: History, summary: Summary, site: Site, spec: ImuSpec | None) 
     rate, force = angle / h.duration, velocity / h.duration
     up = force / np.linalg.norm(force)
     level_rate = rate - (rate @ up) * up
-    if np.linalg.norm(level_rate) < 1e-3 * np.linalg.norm(rate):
+    if np.linalg.norm(level_rate) <= 1e-3 * np.linalg.norm(rate):
         # Any direction will do: the heading is unknown.
         level_rate = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
     attitude, _ = analytic_attitude(level_rate + EARTH_RATE * up, force, site, "gravity")

@@ -47,7 +47,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-FALSE_ALARM = 1e-4
+FALSE_ALARM = 3e-4
 """Probability that a test of a good record contradicts it."""
 
 GRAVITY_SIGMA = 20e-5
@@ -171,10 +171,14 @@ def bias_sigma(part: GyroSpec | AccelerometerSpec, force: float) -> float:
     force : float
         m/s^2; for a gyro its sensitivity to force counts, for an accelerometer its scale and axes.
     """
-    if isinstance(part, GyroSpec):
-        return float(np.hypot(part.bias, part.g_sensitivity * force))
     geometry = np.hypot(np.hypot(part.scale_factor, part.misalignment), part.non_orthogonality)
-    return float(np.hypot(part.bias, geometry * force))
+    geometry = np.hypot(geometry, part.scale_factor_asymmetry)
+    parts = [part.bias, part.g2_sensitivity * force**2, part.bias_instability, part.gauss_markov]
+    if isinstance(part, GyroSpec):
+        parts += [part.g_sensitivity * force, geometry * EARTH_RATE]
+    else:
+        parts.append(geometry * force)
+    return float(np.sqrt(np.sum(np.square(parts))))
 
 
 # -- Earth rate ------------------------------------------------------------------------
@@ -210,12 +214,15 @@ def _base_yaw_rate(normal: NormalEquations, gyro: float, accel: float) -> float:
     return float(np.sqrt(np.minimum(sizes, _LARGEST_BASE_RATE) ** 2 @ weight / weight.sum()))
 
 
-_SHARE = {"gyro": 1e-3, "accelerometer": 1.0}
+_SHARE = {"gyro": 0.02, "accelerometer": 1.0}
 """A bias of which the record shows less, relative to its prior's information, is not tested.
 
-Below it a gyro's bias is known 30 times worse than its prior. What a single position shows of an
+Below it a gyro's bias is known seven times worse than its prior. What a single position shows of an
 accelerometer's is second order, so it must be known better than its prior, as by several dwells.
 """
+
+_FINE = 0.3 * DEG_PER_HOUR
+"""A gyro's bias that is known better than this (1-sigma) is tested whatever its prior."""
 
 _DIGITS = 1e-9
 """Share of the information that its elimination leaves uncertain."""
@@ -257,7 +264,10 @@ class _Observable:
         weight, vectors = np.linalg.eigh(information)
         # What is below the digits of the elimination is not seen either.
         whole = float(np.diag(normal.information)[columns].max())
-        seen = weight > max(_SHARE[which] / unit**2, _DIGITS * whole)
+        wanted = _SHARE[which] / unit**2
+        if which == "gyro":
+            wanted = min(wanted, 1.0 / _FINE**2)
+        seen = weight > max(wanted, _DIGITS * whole)
         return cls(vectors[:, seen], (vectors.T @ right)[seen] / weight[seen], 1.0 / weight[seen])
 
     def statistic(self, prior: float) -> float:
@@ -311,7 +321,8 @@ def earth_rate_test(
         gyro = bias_sigma(spec.gyro, force)
         accel = float(np.hypot(accel, bias_sigma(spec.accelerometer, force)))
     scale = gyro or _UNSPECIFIED_GYRO
-    yaw = _base_yaw_rate(normal, scale, accel)
+    # What a base yaws with its tilting, and what two tilts make of yaw to second order.
+    yaw = float(np.hypot(_base_yaw_rate(normal, scale, accel), best.tilt / best.history.duration))
     prior = _priors(normal, scale, accel, (np.inf, np.inf, yaw))
     seen = _Observable.of(normal, "gyro", prior, scale)
     probability = seen.probability(gyro)
@@ -374,6 +385,9 @@ def gravity_test(summary: Summary, site: Site, spec: ImuSpec | None) -> Contradi
         return None
     sigma = np.hypot(bias_sigma(spec.accelerometer, gravity), GRAVITY_SIGMA)
     sigma = np.hypot(sigma, 3.086e-6 * _HEIGHT_SIGMA)
+    # A vehicle that works has a mean force of its own over a short record.
+    size = summary.blocks[:, 11] / summary.blocks[:, 2]
+    sigma = np.hypot(sigma, np.std(size) / np.sqrt(max(len(size) / 4.0, 1.0)))
     if abs(off) <= max(6.0 * sigma, 500.0 * MICRO_G):
         return None
     return Contradiction(
@@ -448,9 +462,11 @@ def axes_test(h: History) -> AxesTest | None:
     namings, names = _namings()
     # -theta x f for each naming: (48, k, 2) in one product.
     turns = np.einsum("kc,mac,ab->mkb", turned, namings, -_cross_matrix(mean) @ level)
+    # A last candidate: what the gyros say is their noise, and the body does not turn at all.
+    turns = np.concatenate([turns, np.zeros_like(turns[:1])])
     log = _log_likelihood(turns, seen, f, edges)
-    best = int(np.argmax(log))
-    margin = float(log[best] - log[0])
+    best = int(np.argmax(log[:-1]))
+    margin = float(log[best] - max(log[0], log[-1]))
     if margin < _AXES_MARGIN:
         return AxesTest(max(margin, 0.0), names[0], mirrored=False)
     return AxesTest(margin, names[best], mirrored=bool(np.linalg.det(namings[best]) < 0))
@@ -464,7 +480,7 @@ def _cross_matrix(f: Array) -> Array:
 def _log_likelihood(
     turns: NDArray[np.complex128], seen: NDArray[np.complex128], f: Array, edges: NDArray[np.int64]
 ) -> Array:
-    """Return the log likelihood (48,) of the force, its noise estimated in bands.
+    """Return the log likelihood (k,) of the force for k turns, its noise estimated in bands.
 
     The lever arm's part, proportional to frequency squared, is fitted for each naming.
     """

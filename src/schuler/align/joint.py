@@ -202,6 +202,8 @@ class Joint:
         Whether the unit is on one base all the time.
     latitude : (2,) float64
         How far the latitude is off, and its 1-sigma, rad; zero where it is taken for known.
+    tilt : float
+        Mean square of the base's sway, from stretch to stretch and within them, rad^2.
     normal : NormalEquations
         The whole problem without priors, for tests of what was taken for granted.
     """
@@ -220,6 +222,7 @@ class Joint:
     sway_levels: Array
     steady: bool
     latitude: Array
+    tilt: float
     normal: NormalEquations
 
     def positions(self, site: Site) -> list[Position]:
@@ -365,7 +368,7 @@ def joint(h: History, site: Site, spec: ImuSpec | None, *, free_latitude: bool =
         r, biases, covariance[:9, :9], start, end, carried @ biases[:3], levels, h, attitude,
         dwells, _share(series, gain_a, gain_v, local[m // 2, 2]), series.sway_levels,
         dwells == ((0, m),) and len(series.attitude_rows) > 0, latitude,
-        NormalEquations(information, right),
+        float(np.mean(turns[:, :2] ** 2) + np.mean(4.0 * np.maximum(1.0 - size**2, 0.0))), NormalEquations(information, right),
     )  # fmt: skip
 
 

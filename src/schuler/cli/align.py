@@ -33,7 +33,10 @@ if TYPE_CHECKING:
     from schuler.calibrate.apply import Calibration
     from schuler.io import Source
 
-__all__ = ["command"]
+__all__ = ["CONTRADICTED", "command"]
+
+CONTRADICTED = 3
+"""Exit code of a result that its record contradicts."""
 
 
 @click.command("align", cls=Command)
@@ -86,7 +89,7 @@ __all__ = ["command"]
 @click.option("--idle", type=Seconds(0.0), help="With --follow: end after so long without data.")
 @json_option()
 @report_option("Write an interactive report.")
-def command(**options: Any) -> None:
+def command(**options: Any) -> int:
     """Find the heading, pitch and roll of a standing vehicle from FILE (- : standard input).
 
     \b
@@ -117,8 +120,9 @@ def command(**options: Any) -> None:
                 "--find-latitude has a method of its own: leave out --method, --prefilter, "
                 "--windows and --follow"
             )
-        _without_latitude(options, spec, at, (start, stop), (json_to, report_to), calibration_from)
-        return
+        return _without_latitude(
+            options, spec, at, (start, stop), (json_to, report_to), calibration_from
+        )
     source, finish = open_file(options, (math.inf if idle is None else idle) if follow else None)
     site = site_or_none(options, source)
     if site is None:
@@ -161,12 +165,13 @@ def command(**options: Any) -> None:
         _print(fix, windows)
     finish()
     say_warnings(fix.warnings)
+    return 0 if fix.consistent else CONTRADICTED
 
 
 def _without_latitude(
     options: dict[str, Any], spec: str | None, at: str, span: tuple[float | None, float | None],
     outputs: tuple[str | None, str | None], calibration_from: str | None,
-) -> None:  # fmt: skip
+) -> int:  # fmt: skip
     from dataclasses import replace
 
     from schuler.align import align_without_latitude
@@ -203,6 +208,7 @@ def _without_latitude(
         echo(str(found).partition("\nwarning: ")[0])
     finish()
     say_warnings(fix.warnings)
+    return 0 if fix.consistent else CONTRADICTED
 
 
 def _with_source(
