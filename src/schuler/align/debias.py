@@ -44,9 +44,13 @@ def without_gyro_bias(h: History, bias: Array) -> History:
         quat[k + 1] = multiply(quat[k], corrected[k])
     # What the bias had turned the frame by, at the nodes and between them.
     frame = multiply(quat, h.quat * _BACK)
-    half = frame[:-1] + frame[1:] * np.sign(np.sum(frame[:-1] * frame[1:], axis=1))[:, None]
-    half /= np.linalg.norm(half, axis=1)[:, None]
-    turned = quat_to_matrix(half)
+    after = frame[1:] * np.where(np.sum(frame[:-1] * frame[1:], axis=1) < 0, -1.0, 1.0)[:, None]
+
+    def between(share: Array | float) -> Array:
+        mixed = frame[:-1] + share * (after - frame[:-1])
+        return np.asarray(mixed / np.linalg.norm(mixed, axis=1)[:, None])
+
+    turned = quat_to_matrix(between(0.5))
 
     velocity = h.velocity
     new_velocity = np.zeros_like(velocity)
@@ -58,7 +62,8 @@ def without_gyro_bias(h: History, bias: Array) -> History:
     mixed = np.diff(rows[:, 15:24], axis=0).reshape(-1, 3, 3)
     mixed = mixed - basis[:, :, None] * velocity[:-1, None, :]
     mixed = mixed @ turned.transpose(0, 2, 1) + basis[:, :, None] * new_velocity[:-1, None, :]
-    attitude = multiply(half, np.diff(rows[:, 40:44], axis=0))
+    # The attitudes that are summed are those at the ends of the updates.
+    attitude = multiply(between(0.5 * (count + 1.0) / count), np.diff(rows[:, 40:44], axis=0))
 
     rows[:, 2:6] = quat
     rows[:, 6:9] = new_velocity

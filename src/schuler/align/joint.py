@@ -368,7 +368,8 @@ def joint(h: History, site: Site, spec: ImuSpec | None, *, free_latitude: bool =
         r, biases, covariance[:9, :9], start, end, carried @ biases[:3], levels, h, attitude,
         dwells, _share(series, gain_a, gain_v, local[m // 2, 2]), series.sway_levels,
         dwells == ((0, m),) and len(series.attitude_rows) > 0, latitude,
-        float(np.mean(turns[:, :2] ** 2) + np.mean(4.0 * np.maximum(1.0 - size**2, 0.0))), NormalEquations(information, right),
+        float(np.mean(turns[:, :2] ** 2) + 4.0 * np.mean(np.maximum(1.0 - size**2, 0.0))),
+        NormalEquations(information, right),
     )  # fmt: skip
 
 

@@ -264,10 +264,11 @@ class Alignment(Shown):
             return f"no heading (sigma {sigma / 60.0:.0f} deg)"
         if abs(self.pitch_deg) > STEEP:
             psi, _, gamma = (float(v) / DEG for v in quat_to_euler(self.quaternion))
-            turn = (gamma - psi if self.pitch_deg > 0 else -gamma - psi) % 360.0
+            # Both turn about the vertical: what is left of them is one angle.
+            sign = -1.0 if self.pitch_deg > 0 else 1.0
             return (
                 f"heading and roll are not defined singly at a pitch of {self.pitch_deg:.2f} deg; "
-                f"heading {'+' if self.pitch_deg > 0 else '-'} roll {turn:.3f} deg"
+                f"heading {'-' if sign < 0 else '+'} roll {(sign * gamma - psi) % 360.0:.3f} deg"
             )
         inside = []
         bound = self.limit_arcmin
