@@ -64,7 +64,7 @@ def test_a_file_that_grows_from_nothing(run: Run, csv: Path, tmp_path: Path) -> 
             assert process.poll() is None
             with path.open("a") as file:
                 file.write(text[begin:end])
-        out_text, err = process.communicate(timeout=60)
+        out_text, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
     assert "Traceback" not in err
     assert json.loads(out.read_text()) == expected(run, csv)
@@ -103,7 +103,7 @@ def test_a_pipe_that_says_nothing() -> None:
 
 def test_a_pipe_that_ends(run: Run, csv: Path) -> None:
     with schuler("align", "-", *PLACE, "--follow", "--json", "-") as process:
-        out, _ = process.communicate(csv.read_text(), timeout=60)
+        out, _ = process.communicate(csv.read_text(), timeout=300)
     assert process.returncode == 0
     assert json.loads(out) == expected(run, csv)
 
@@ -114,7 +114,7 @@ def test_interrupt_gives_the_result_so_far(csv: Path) -> None:
         first = process.stdout.readline()  # it is at work: the way to end is Ctrl-C
         assert "heading" in first
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=60)
+        out, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
     assert "Traceback" not in err
     assert "1199 samples" in out
@@ -127,7 +127,7 @@ def test_interrupt_before_the_first_row(tmp_path: Path) -> None:
     with schuler("align", path, *PLACE, "--follow") as process:
         time.sleep(3.0)
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=300)
     assert process.returncode == 130
     assert err == "\nschuler: stopped\n"
 
@@ -136,7 +136,7 @@ def test_a_bad_row_while_following(csv: Path, tmp_path: Path) -> None:
     path = tmp_path / "live.csv"
     path.write_text(csv.read_text() + "60.05,1,2,x,4,5,6\n")
     with schuler("align", path, *PLACE, "--follow") as process:
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=300)
     assert process.returncode == 2
     assert err.startswith(f"schuler: {path}: line 1202, column 'gz': 'x'")
 
