@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = [
     "euler_to_quat",
     "from_scipy",
+    "heading_sigma",
     "heading_to_psi",
     "matrix_to_quat",
     "multiply",
@@ -175,6 +176,26 @@ def skew(vector: ArrayLike) -> Array:
     x, y, z = v[..., 0], v[..., 1], v[..., 2]
     o = np.zeros_like(x)
     return np.stack([o, -z, y, z, o, -x, -y, x, o], axis=-1).reshape((*v.shape, 3))
+
+
+def heading_sigma(quat: ArrayLike, covariance: ArrayLike) -> float:
+    """Return the 1-sigma of the heading, rad, from that of phi (east, north, up).
+
+    It is that of phi about up for a level body; with a pitch theta the tilts enter by tan(theta).
+    Not above pi / sqrt(3), that of an unknown angle.
+
+    Parameters
+    ----------
+    quat : (4,) array_like
+        q_b^n.
+    covariance : (3, 3) array_like
+        Of phi, rad^2, with C_est = (I - [phi x]) C_true.
+    """
+    psi, theta, _ = quat_to_euler(quat)
+    steep = np.tan(np.clip(theta, -1.5706, 1.5706))
+    # The forward axis (-sin psi cos theta, cos psi cos theta, sin theta) moves by -phi x it.
+    a = np.array([-np.sin(psi) * steep, np.cos(psi) * steep, -1.0])
+    return float(min(np.sqrt(a @ np.asarray(covariance) @ a), np.pi / np.sqrt(3.0)))
 
 
 def psi_to_heading(psi: ArrayLike) -> Any:

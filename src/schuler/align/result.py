@@ -14,7 +14,7 @@ from schuler._notebook import Shown, bar, card
 from schuler.align.fine import FinePass
 from schuler.align.history import History
 from schuler.align.methods import Method
-from schuler.attitude import psi_to_heading, quat_to_euler
+from schuler.attitude import heading_sigma, psi_to_heading, quat_to_euler
 from schuler.constants import ARCMIN, DEG
 from schuler.earth import Site
 from schuler.record import Summary
@@ -167,11 +167,7 @@ class Alignment(Shown):
         It is that of phi about up where the body is level; with a pitch theta the tilts enter by
         tan(theta). No larger than that of an unknown angle, 104 deg.
         """
-        psi, theta, _ = quat_to_euler(self.quaternion)
-        steep = np.tan(np.clip(theta, -1.5706, 1.5706))
-        # The forward axis (-sin psi cos theta, cos psi cos theta, sin theta) moves by -phi x it.
-        a = np.array([-np.sin(psi) * steep, np.cos(psi) * steep, -1.0])
-        return float(min(np.sqrt(a @ self.covariance @ a), np.pi / np.sqrt(3.0)) / ARCMIN)
+        return heading_sigma(self.quaternion, self.covariance) / ARCMIN
 
     @property
     def limit_arcmin(self) -> Array | None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler import __version__
-from schuler.cli.command import Command, echo, wants_text
+from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
 from schuler.cli.common import (
     emit_json,
     file_options,
@@ -33,10 +33,7 @@ if TYPE_CHECKING:
     from schuler.calibrate.apply import Calibration
     from schuler.io import Source
 
-__all__ = ["CONTRADICTED", "command"]
-
-CONTRADICTED = 3
-"""Exit code of a result that its record contradicts."""
+__all__ = ["command"]
 
 
 @click.command("align", cls=Command)

@@ -18,8 +18,12 @@ from schuler.cli.parameters import InputFile, OutputFile
 from schuler.errors import InputError, printable
 
 __all__ = [
-    "Command", "Group", "add_input", "add_output", "debug_option", "echo", "wants_text",
+    "CONTRADICTED", "Command", "Group", "add_input", "add_output", "debug_option", "echo",
+    "wants_text",
 ]  # fmt: skip
+
+CONTRADICTED = 3
+"""Exit code of a result that its record contradicts."""
 
 _KEY = "schuler.files"
 _HELP = {"help_option_names": ["-h", "--help"]}

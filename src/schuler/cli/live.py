@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from schuler.cli.command import Command, echo
+from schuler.cli.command import CONTRADICTED, Command, echo
 from schuler.cli.common import say_warnings, site_options, site_or_none
 from schuler.cli.completion import methods, specs
 from schuler.cli.parameters import Count, InputFile, OutputFile, Seconds
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from schuler.align.session import LiveSession, SpanFix
 
 __all__ = ["command"]
-
-CONTRADICTED = 3
-"""Exit code of a result that something contradicts."""
 
 _ENOUGH = 10_000
 """Samples after which it is said why they cannot be aligned."""

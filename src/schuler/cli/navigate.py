@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler import __version__
-from schuler.cli.command import Command, echo, wants_text
+from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
 from schuler.cli.common import (
     emit_json,
     file_options,
@@ -96,7 +96,7 @@ __all__ = ["command"]
 )
 @json_option()
 @report_option("Write an interactive report.")
-def command(**options: Any) -> None:
+def command(**options: Any) -> int:
     """Navigate FILE by inertia alone (- : standard input), from a known start.
 
     \b
@@ -154,9 +154,15 @@ def command(**options: Any) -> None:
 
         navigation_report(path, evaluation, report_to)
     if wants_text():
+        if fix is not None and not fix.consistent:
+            echo(fix.headline())
         _print(path, evaluation)
     finish()
     say_warnings(source.quality.warnings() if source.quality else ())
+    if fix is None:
+        return 0
+    say_warnings(f"alignment: {text}" for text in fix.warnings)
+    return 0 if fix.consistent else CONTRADICTED
 
 
 def _velocity(text: str | None) -> tuple[float, float, float]:
@@ -219,6 +225,8 @@ def _data(
         "final": path.final,
         "sigma": path.sigma,
         "alignment": None if fix is None else {
+            "consistent": fix.consistent,
+            "contradictions": list(fix.contradictions),
             "heading_deg": float(fix.heading_deg),
             "sigma_arcmin": [float(v) for v in fix.sigma_arcmin],
         },

@@ -334,7 +334,12 @@ def navigate(
             raise InputError("a site alone has no attitude: give an alignment, or a Start")
         start = Start.from_alignment(start, fix, velocity)
     elif fix is not None:
-        start = replace(start, quaternion=fix.quaternion)
+        known = start.covariance
+        covariance = np.zeros((9, 9)) if known is None else np.array(known, np.float64)
+        if covariance.shape == (9, 9):
+            covariance[:3], covariance[:, :3] = 0.0, 0.0
+            covariance[:3, :3] = fix.covariance
+        start = replace(start, quaternion=fix.quaternion, covariance=covariance)
     navigator = Navigator(
         start,
         gravity=gravity,

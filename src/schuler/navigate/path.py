@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from schuler._files import replacing
 from schuler._notebook import Shown
-from schuler.attitude import psi_to_heading, quat_to_euler
+from schuler.attitude import heading_sigma, psi_to_heading, quat_to_euler
 from schuler.constants import ARCMIN, DEG
 from schuler.earth import radii
 from schuler.errors import InputError
@@ -120,8 +120,8 @@ class Path(Shown):
         }
 
     @property
-    def sigma(self) -> dict[str, list[float]] | None:
-        """1 sigma at the end: position (east, north, up; m), velocity, attitude (phi, arcmin)."""
+    def sigma(self) -> dict[str, Any] | None:
+        """1 sigma at the end: position (east, north, up; m), velocity, phi and heading (arcmin)."""
         p = self.final_covariance
         if p is None:
             return None
@@ -130,6 +130,7 @@ class Path(Shown):
             "position_enu_m": [float(v) for v in s[6:9]],
             "velocity_enu": [float(v) for v in s[3:6]],
             "phi_enu_arcmin": [float(v) / ARCMIN for v in s[:3]],
+            "heading_arcmin": heading_sigma(self.quaternion[-1], p[:3, :3]) / ARCMIN,
         }
 
     def write(self, path: str | File) -> None:
@@ -162,7 +163,10 @@ class Path(Shown):
             # Level variances swap between the axes as the frame wanders: their sum does not.
             level = self.variances[:, 6] + self.variances[:, 7]
             columns["sigma_horizontal [m]"] = np.sqrt(level)
-            columns["sigma_heading [arcmin]"] = np.sqrt(self.variances[:, 2]) / ARCMIN
+            tilt = 0.5 * (self.variances[:, 0] + self.variances[:, 1])
+            steep = np.tan(np.clip(theta, -1.5706, 1.5706)) ** 2
+            heading = np.sqrt(self.variances[:, 2] + steep * tilt)
+            columns["sigma_heading [arcmin]"] = np.minimum(heading, np.pi / 3**0.5) / ARCMIN
         table = pa.table({k: pa.array(np.ascontiguousarray(v)) for k, v in columns.items()})
         with replacing(path) as part:
             write_sealed(table, part, {}, compression="zstd", use_dictionary=False)
