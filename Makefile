@@ -5,11 +5,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: help test fuzz demo lint bench docs picture clean
+.PHONY: help test fuzz validate demo lint bench docs picture clean
 
 help:
 	@echo "make test     run the tests (two at a time)"
 	@echo "make fuzz     damaged files, odd command lines, forged packets: the long leg (an hour)"
+	@echo "make validate simulate the table of docs/sigma.md anew (half an hour)"
 	@echo "make demo     align a simulated truck and draw the report into out/"
 	@echo "make lint     style, types, and which module imports which"
 	@echo "make bench    time schuler beside its peers, into docs/benchmarks.md"
@@ -40,6 +41,9 @@ test: $(VENV)/.with-dev
 fuzz: $(VENV)/.with-dev
 	SCHULER_FUZZ_SCALE=$${SCHULER_FUZZ_SCALE:-50} $(BIN)/python -m pytest -n 2 --dist worksteal \
 	  tests/fuzz $(PYTEST_ARGS)
+
+validate: $(VENV)/.with-dev
+	$(BIN)/python -m tests.align.sigma_table
 
 demo: $(VENV)/.with-report
 	$(BIN)/schuler demo --out out/
