@@ -12,7 +12,7 @@ import click
 
 from schuler.cli.command import echo
 from schuler.cli.completion import files
-from schuler.cli.parameters import InputFile, Number, OutputFile, Seconds
+from schuler.cli.parameters import InputFile, Number, OutputFile, RecordTime, Seconds
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from schuler.record import ImuRecord
 
 __all__ = [
+    "Look",
     "emit_json",
     "file_options",
     "json_option",
@@ -37,7 +38,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 _MAPPING_KEYS = (
     "columns", "gyro", "accel", "time", "mean_rates", "axes", "rate", "start_time",
     "coning_corrected", "sculling_corrected", "array", "delimiter", "comment", "decimal",
-    "skip_rows", "header", "variables", "format", "topic", "imu_type",
+    "skip_rows", "header", "variables", "format", "topic", "imu_type", "accel_file", "accel_topic",
 )  # fmt: skip
 
 
@@ -123,8 +124,21 @@ file_options = _stack(
             help="Write what was said into FILE.toml, so that it is typed once.",
         ),
         click.option("--max-gap", type=Seconds(0.0), help="Longest gap that is bridged."),
-        click.option("--start", type=Seconds(), help="Use the record from this time on."),
-        click.option("--stop", type=Seconds(), help="Use the record up to this time."),
+        click.option(
+            "--accel-file", type=InputFile(), metavar="FILE",
+            help="The accelerometers, where FILE holds the gyros alone; joined on their clock.",
+        ),
+        click.option(
+            "--accel-topic", metavar="NAME",
+            help="The accelerometers' topic, where --topic holds the gyros alone.",
+        ),
+        click.option(
+            "--start", type=RecordTime(),
+            help="Use the record from this time on: 100s by its clock, +60s from its first row.",
+        ),
+        click.option(
+            "--stop", type=RecordTime(), help="Use the record up to this time, said likewise.",
+        ),
     ]
 )  # fmt: skip
 
@@ -186,6 +200,8 @@ def open_file(
     if save and str(path) == "-":
         raise InputError("--save-mapping: standard input has no place to save it beside")
     source = open_source(path, given, max_gap=options.pop("max_gap"), wait=wait)
+    if source.assumed:
+        echo(f"note: assumed: {'; '.join(source.assumed)}", err=True)
 
     def finish() -> None:
         if save:
@@ -241,6 +257,38 @@ def progress(source: Source, chunks: Iterable[ImuRecord]) -> Iterator[Iterator[I
                 bar.update(task, completed=source.progress)
 
         yield watched()
+
+
+class Look:
+    """Looks at the samples that a command reads, for the check that all commands share.
+
+    Parameters
+    ----------
+    source : Source
+    """
+
+    def __init__(self, source: Source) -> None:
+        from schuler.record import Summariser
+
+        self._source = source
+        self._summariser = Summariser()
+        self._taken = False
+
+    def through(self, chunks: Iterable[ImuRecord]) -> Iterator[ImuRecord]:
+        """Pass chunks on, and look at each."""
+        for chunk in chunks:
+            self._summariser.push(chunk)
+            self._taken = True
+            yield chunk
+
+    def notes(self, site: Site | None = None, *, at_rest: bool = True) -> list[str]:
+        """Return what gravity and the Earth's rate say against units and axes."""
+        from schuler.record import check_record
+
+        if not self._taken:
+            return []
+        summary = self._summariser.summary()
+        return check_record(summary, self._source.reading, site, at_rest=at_rest)
 
 
 def emit_json(data: dict[str, Any], target: str) -> None:

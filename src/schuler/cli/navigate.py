@@ -9,6 +9,7 @@ import click
 from schuler import __version__
 from schuler.cli.command import Command, echo, wants_text
 from schuler.cli.common import (
+    Look,
     emit_json,
     file_options,
     json_option,
@@ -133,8 +134,9 @@ def command(**options: Any) -> None:
 
     fix: Alignment | None = None
     navigator: Navigator | None = None
+    look = Look(source)
     with progress(source, source.chunks(start=start, stop=stop)) as chunks:
-        flow = chunks
+        flow = look.through(chunks)
         if align_for is not None:
             fix, flow = _align(flow, site, align_for, spec)
         begin = _start(site, angles, velocity, fix)
@@ -156,7 +158,9 @@ def command(**options: Any) -> None:
     if wants_text():
         _print(path, evaluation)
     finish()
-    say_warnings(source.quality.warnings() if source.quality else ())
+    warnings = list(source.quality.warnings()) if source.quality else []
+    # A vehicle that moves still has gravity's force on average.
+    say_warnings([*warnings, *look.notes(site, at_rest=False), *source.contradictions])
 
 
 def _velocity(text: str | None) -> tuple[float, float, float]:

@@ -12,12 +12,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from schuler.errors import InputError
 from schuler.io.content import Content, Reader
 from schuler.io.frames import from_pandas, from_pyins, from_xarray, to_pyins
 from schuler.io.mapping import Mapping
 from schuler.io.registry import readers, register
 from schuler.io.source import Source
+from schuler.io.span import Span
 from schuler.io.write import write
 from schuler.record import ImuRecord
 
@@ -83,8 +83,8 @@ def read(
     path: str | Path,
     mapping: Mapping | str | Path | None = None,
     *,
-    start: float | None = None,
-    stop: float | None = None,
+    start: float | str | None = None,
+    stop: float | str | None = None,
     max_gap: float | None = None,
     **mapping_overrides: Any,
 ) -> ImuRecord:
@@ -94,8 +94,9 @@ def read(
     ----------
     path, mapping, max_gap, **mapping_overrides
         As for `open_source`.
-    start, stop : float, optional
-        Read only this stretch of the file's own time, s; rows outside are not checked.
+    start, stop : float or str, optional
+        Read only this stretch of the file's own time, s; rows outside are not checked. With a
+        plus, ``"+60s"``, it counts from the first row.
 
     Returns
     -------
@@ -108,7 +109,6 @@ def read(
         If the file cannot be opened or understood, or a row cannot be used: one sentence with
         the file, the row, its time and what to do.
     """
-    if start is not None and stop is not None and not start < stop:
-        raise InputError(f"start ({start:g} s) must be before stop ({stop:g} s)")
+    Span.of(start, stop)  # a bad one is said before the file is opened
     source = open_source(path, mapping, max_gap=max_gap, **mapping_overrides)
     return source.read(start=start, stop=stop)

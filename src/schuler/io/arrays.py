@@ -122,7 +122,10 @@ def _content(
                 None if dt is None else dt[part],
             )
 
-    return Content(blocks=blocks, said=said, time_label=label, rows=n, progress=lambda: done[0] / n)
+    return Content(
+        blocks=blocks, said=said, time_label=label, rows=n, progress=lambda: done[0] / n,
+        stamps=None if time is None else time[:4096],
+    )  # fmt: skip
 
 
 def _numbers(name: str, load: Callable[[str], Any]) -> Array:

@@ -75,6 +75,12 @@ class Content:
         can be right.
     follow : callable, optional
         Iterator over blocks as the file grows; an empty time array is "nothing new".
+    mark : (str, str), optional
+        The axes that the columns' names are a mark of, and whose names they are.
+    fixed : bool
+        The format fixes what the numbers are, as that of ROS does: no other unit can be meant.
+    stamps : (k,) float64, optional
+        The first stamps, by which their unit is found where nobody says it.
     """
 
     blocks: Callable[[], Iterator[Block]]
@@ -89,6 +95,9 @@ class Content:
     progress: Callable[[], float] | None = None
     complete: bool = False
     follow: Callable[[], Iterator[Block | None]] | None = None
+    mark: tuple[str, str] | None = None
+    fixed: bool = False
+    stamps: Array | None = None
 
 
 @runtime_checkable

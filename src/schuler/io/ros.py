@@ -89,7 +89,8 @@ class RosReader:
 
         return Content(
             blocks=blocks,
-            said=Mapping(gyro="rad/s", accel="m/s^2", axes="FLU"),
+            said=Mapping(gyro="rad/s", accel="m/s^2", time="s", axes="FLU"),
+            fixed=True,
             time_label=f"the stamps of topic '{topic}'",
             rows=count or None,
             notes=notes,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-import time as clock
+import time as wall
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -12,14 +12,17 @@ from typing import Any
 import numpy as np
 
 from schuler.errors import InputError, shown
+from schuler.io.clock import Clock, timed
 from schuler.io.content import Block, Content
 from schuler.io.dialect import NoRowsError, detect
 from schuler.io.flow import Whole, prefetch, readable
 from schuler.io.mapping import Mapping
 from schuler.io.meaning import settle
 from schuler.io.registry import find_reader
+from schuler.io.span import RecordTime, Span
 from schuler.io.spool import Spooled, is_pipe, ordinary
 from schuler.record import ImuRecord, Intake, Quality
+from schuler.record.hints import Reading
 
 __all__ = ["FOLDER_MAPPING", "Source"]
 
@@ -55,12 +58,13 @@ class Source:
     path : Path
     format : str
         Name of the reader.
-    mapping : Mapping
-        With every choice filled in.
     kind : str
         ``"rates"``, ``"mean-rates"`` or ``"increments"``.
-    meaning : str
-        One sentence that says what the numbers are taken for.
+    assumed : list of str
+        What nobody said and was assumed: axes, units; each in a few words.
+    contradictions : list of str
+        What the record contradicts in itself and could not be resolved, as a faulty gyro of an
+        array that cannot be told; may grow while reading.
     notes : list of str
         What was decided or dropped on the way; may grow while reading.
     position : (lat, lon, height) or None
@@ -100,23 +104,39 @@ class Source:
             plain = replace(folder, gyro=None, accel=None, time=None)
             opened = reader.open(self._file, plain.merged(given))
             content = opened if isinstance(opened, Content) else _wrap(opened)
-            self._meaning = settle(content, given, folder)
+            self._meaning = settle(content, given, folder, max_gap)
             self._new_intake(content)  # refuses a bad max_gap now
         except InputError as error:
             raise InputError(f"{self._label}: {error}") from None
         except OSError as error:
             raise InputError(f"{self._label}: cannot be read ({error.strerror or error})") from None
         self._content = content
-        self.mapping = self._meaning.mapping
         self.kind = self._meaning.kind
-        self.meaning = self._meaning.sentence
         content.notes[:0] = notes
         self.notes = content.notes
+        self.assumed = self._meaning.assumed
+        self.contradictions: list[str] = []
         self.position = content.position
         self.rows = content.rows
 
     def __repr__(self) -> str:
         return f"Source({self._label!r}, {self.format}: {self.meaning})"
+
+    @property
+    def mapping(self) -> Mapping:
+        """What is said about the file, with every choice filled in."""
+        m = self._meaning.mapping
+        return m if m.rate is not None else replace(m, time=self._meaning.clock.unit)
+
+    @property
+    def meaning(self) -> str:
+        """One sentence that says what the numbers are taken for."""
+        return self._meaning.sentence
+
+    @property
+    def reading(self) -> Reading:
+        """How the values were read, for a check of what they show."""
+        return self._meaning.reading
 
     def _look(
         self, mapping: Mapping, wait: float | None
@@ -164,8 +184,8 @@ class Source:
 
     def _wait(self, mapping: Mapping, patience: float) -> None:
         """Wait until a text file holds a whole row; opening it says what else is wrong."""
-        end = clock.monotonic() + patience
-        while clock.monotonic() < end:
+        end = wall.monotonic() + patience
+        while wall.monotonic() < end:
             with self.path.open("rb") as file:
                 head = file.read(_LONG_HEAD)
             named = mapping.format
@@ -177,7 +197,7 @@ class Source:
                 # A last line without its end may still be half a row.
                 detect(head, False, mapping)
             except NoRowsError:
-                clock.sleep(_POLL)
+                wall.sleep(_POLL)
             except InputError:
                 return
             else:
@@ -210,7 +230,7 @@ class Source:
         return 0.0 if self._content.progress is None else self._content.progress()
 
     def chunks(
-        self, size: int = 65536, *, start: float | None = None, stop: float | None = None
+        self, size: int = 65536, *, start: RecordTime = None, stop: RecordTime = None
     ) -> Iterator[ImuRecord]:
         """Yield the samples in records of at most `size`, in bounded memory.
 
@@ -218,9 +238,10 @@ class Source:
         ----------
         size : int
             Most samples in a piece; the samples do not depend on it.
-        start, stop : float, optional
+        start, stop : float or str, optional
             Read only the rows of this stretch of the file's time, s; what lies outside is not
-            checked. Samples are those whose interval's middle lies in it.
+            checked. Samples are those whose interval's middle lies in it. A text that begins with
+            a plus, ``"+60s"``, counts from the first row; a date and time is a Unix time.
 
         Raises
         ------
@@ -229,16 +250,15 @@ class Source:
         """
         if size < 1:
             raise InputError(f"chunk size must be at least 1, got {size}")
-        if start is not None and stop is not None and not start < stop:
-            raise InputError(f"start ({start:g} s) must be before stop ({stop:g} s)")
-        return self._chunks(size, start, stop)
+        span = Span.of(start, stop)
+        return self._chunks(size, span)
 
-    def _chunks(self, size: int, start: float | None, stop: float | None) -> Iterator[ImuRecord]:
+    def _chunks(self, size: int, span: Span) -> Iterator[ImuRecord]:
         self._intake = intake = self._new_intake(self._content)
         try:
             empty = True
-            for record in self._records(intake, start, stop):
-                piece = record.between(start, stop) if (start, stop) != (None, None) else record
+            for record in self._records(intake, span):
+                piece = record.between(span.start, span.stop) if span.limited else record
                 empty = empty and not len(piece)
                 if len(piece):
                     yield from piece.chunks(size)
@@ -248,37 +268,36 @@ class Source:
                     f"each of the {lost.rows} data rows has a value that is not a finite number, "
                     f"the first at {lost.first_not_finite}; name other columns with --columns"
                 )
-            if empty and (start, stop) != (None, None):
-                raise InputError(
-                    f"there are no samples between {'its start' if start is None else start} and "
-                    f"{'its end' if stop is None else stop} s"
-                )
+            if empty and span.limited:
+                raise InputError(span.nothing())
         except InputError as error:
             raise self._named(error) from None
         except OSError as error:
             raise InputError(f"{self._label}: cannot be read ({error.strerror or error})") from None
 
-    def _records(
-        self, intake: Intake, start: float | None, stop: float | None
-    ) -> Iterator[ImuRecord]:
+    def _records(self, intake: Intake, span: Span) -> Iterator[ImuRecord]:
         done = kept = 0
-        started = start is None
+        started = not span.begins
         past: list[int] = []
-        begin = -np.inf if start is None else start
+        clock = self._pass()
         # A thread that waits for standard input could not be ended.
         blocks = self._content.blocks()
-        for block in blocks if self.path == Path("-") else prefetch(blocks):
-            time, values, dt = self._meaning.convert(block, done)
+        flow = blocks if self.path == Path("-") else prefetch(blocks)
+        for block in timed(flow, clock):
+            assert block is not None
+            clock.check()
+            time, values, dt = self._meaning.convert(block, done, clock)
             done += len(time)
+            span.see(time)
             if not started:
-                inside = np.flatnonzero(time >= begin)
+                inside = np.flatnonzero(time >= span.first)
                 if not len(inside):
                     intake.skip(len(time))
                     continue
                 started, first = True, int(inside[0])
                 intake.skip(first)
                 time, values, dt = time[first:], values[first:], dt if dt is None else dt[first:]
-            past = [] if stop is None else np.flatnonzero(time >= stop)[:1].tolist()
+            past = [] if span.stop is None else np.flatnonzero(time >= span.stop)[:1].tolist()
             if past:
                 # Nothing after the first row at or past the stop is looked at.
                 n = past[0] + 1
@@ -288,10 +307,16 @@ class Source:
             if past:
                 break
         # Less than two rows of a stretch are no samples; of a whole file, they are an error.
-        if started and (kept > 1 or (start is None and not past)):
+        if started and (kept > 1 or (not span.begins and not past)):
             yield intake.close()
 
-    def read(self, *, start: float | None = None, stop: float | None = None) -> ImuRecord:
+    def _pass(self) -> Clock:
+        """Return a clock for one pass over the file."""
+        clock = self._meaning.clock
+        # Where the stamps are not known yet, what the first pass finds is what is said.
+        return clock.again() if clock.decided else clock
+
+    def read(self, *, start: RecordTime = None, stop: RecordTime = None) -> ImuRecord:
         """Read the file whole, or the stretch from `start` to `stop` (s, as in `chunks`).
 
         Returns
@@ -348,18 +373,20 @@ class Source:
             raise InputError(f"idle must be a time of 0 s or more, got {idle:g} s")
         self._intake = intake = self._new_intake(self._content)
         quiet = done = 0.0
+        clock = self._pass()
         try:
-            for block in self._content.follow():
+            for block in timed(self._content.follow(), clock):
                 if block is None:
                     if idle is not None and quiet >= idle:
                         break
                     if stop is not None and stop():
                         break
-                    clock.sleep(poll)
+                    wall.sleep(poll)
                     quiet += poll
                     continue
                 quiet = 0.0
-                time, values, dt = self._meaning.convert(block, int(done))
+                clock.check()
+                time, values, dt = self._meaning.convert(block, int(done), clock)
                 done += len(time)
                 record = intake.push(time, values, dt)
                 if len(record):
