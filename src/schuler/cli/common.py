@@ -188,7 +188,8 @@ def open_file(
     Returns
     -------
     Source, callable
-        The second saves the mapping where that is asked for; call it once all has gone well.
+        The second says what was assumed, and saves the mapping where that is asked for; call it
+        once all has gone well.
     """
     from schuler.io import Mapping, open_source
 
@@ -200,10 +201,11 @@ def open_file(
     if save and str(path) == "-":
         raise InputError("--save-mapping: standard input has no place to save it beside")
     source = open_source(path, given, max_gap=options.pop("max_gap"), wait=wait)
-    if source.assumed:
-        echo(f"note: assumed: {'; '.join(source.assumed)}", err=True)
 
     def finish() -> None:
+        # After the work: an error is one sentence.
+        if source.assumed:
+            echo(f"note: assumed: {'; '.join(source.assumed)}", err=True)
         if save:
             sidecar = Path(f"{path}.toml")
             before = Mapping.from_toml(sidecar) if sidecar.is_file() else Mapping()

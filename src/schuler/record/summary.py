@@ -32,9 +32,6 @@ _TURNED = 3.0 * DEG
 _UNSTEADY = 0.03 * STANDARD_GRAVITY
 """Rms of the length of a second's mean force about the stretch's, m/s^2."""
 
-_TURNING = 5.0 * DEG
-"""Rms of a second's mean rate, rad/s: above what the bias of a gyro is taken for."""
-
 
 @dataclass(frozen=True)
 class Stretch:
@@ -256,9 +253,11 @@ def _wander(table: Array, columns: slice, group: int) -> Array:
 
 
 def _moved(table: Array, group: int) -> NDArray[np.bool_]:
-    """Say of each stretch whether the unit moved in it, by bounds in deg, m/s^2 and deg/s."""
+    """Say of each stretch whether the unit moved in it, by bounds in deg and m/s^2.
+
+    The force tells: a wrong unit of the gyros looks like a turn, but it does not move the force.
+    """
     force = table[:, 6:9] / table[:, 1:2]
-    rate = table[:, 3:6] / table[:, 1:2]
     starts = np.arange(0, len(table), group)
     moved = np.zeros(len(starts), bool)
     for k, a in enumerate(starts):
@@ -273,12 +272,7 @@ def _moved(table: Array, group: int) -> NDArray[np.bool_]:
         # In units of the mean force: a wrong unit of the accelerometers moves nothing.
         unsteady = np.std(size) / np.mean(size) > _UNSTEADY / STANDARD_GRAVITY
         moved[k] = turned or unsteady
-    total = np.sqrt(np.add.reduceat(np.sum(rate**2, axis=1), starts)
-                    / np.diff(np.append(starts, len(table))))  # fmt: skip
-    # A wrong unit of the gyros looks like a turn, but it does not move the force.
-    steady = np.sqrt(np.add.reduceat(np.sum((rate - rate.mean(axis=0)) ** 2, axis=1), starts)
-                     / np.diff(np.append(starts, len(table))))  # fmt: skip
-    return np.asarray(moved | ((total > _TURNING) & (steady > _TURNING)))
+    return moved
 
 
 def _stretches(table: Array) -> tuple[Stretch, ...]:
