@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from schuler.earth import Site
     from schuler.io import Source
     from schuler.record import ImuRecord
+    from schuler.sensors import ImuSpec
 
 __all__ = [
     "Look",
@@ -181,15 +182,15 @@ site_options = _stack(
 
 
 def open_file(
-    options: dict[str, Any], wait: float | None = None
-) -> tuple[Source, Callable[[], None]]:
+    options: dict[str, Any], wait: float | None = None, spec: ImuSpec | None = None
+) -> tuple[Source, Callable[..., None]]:
     """Open the file of `file_options`, taking its options out of the dictionary.
 
     Returns
     -------
     Source, callable
-        The second says what was assumed, and saves the mapping where that is asked for; call it
-        once all has gone well.
+        The second says what was assumed and noted, and saves the mapping where that is asked for;
+        call it once all has gone well, with ``notes=False`` where they are shown already.
     """
     from schuler.io import Mapping, open_source
 
@@ -200,12 +201,15 @@ def open_file(
     given = (base or Mapping()).merged(Mapping.from_cli(**said))
     if save and str(path) == "-":
         raise InputError("--save-mapping: standard input has no place to save it beside")
-    source = open_source(path, given, max_gap=options.pop("max_gap"), wait=wait)
+    bias = None if spec is None else spec.gyro.bias
+    source = open_source(path, given, max_gap=options.pop("max_gap"), wait=wait, gyro_bias=bias)
 
-    def finish() -> None:
+    def finish(notes: bool = True) -> None:
         # After the work: an error is one sentence.
         if source.assumed:
             echo(f"note: assumed: {'; '.join(source.assumed)}", err=True)
+        for note in source.notes if notes else ():
+            echo(f"note: {note}", err=True)
         if save:
             sidecar = Path(f"{path}.toml")
             before = Mapping.from_toml(sidecar) if sidecar.is_file() else Mapping()

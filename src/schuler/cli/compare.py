@@ -98,4 +98,4 @@ def command(**options: Any) -> None:
     if wants_text():
         echo(str(found))
     finish()
-    say_warnings([*source.notes, *look.notes(site), *source.contradictions])
+    say_warnings([*look.notes(site), *source.contradictions])

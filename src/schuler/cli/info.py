@@ -67,7 +67,7 @@ def command(**options: Any) -> None:
         emit_json(data, json_to)
     if wants_text():
         _print(source, summary, site)
-    finish()
+    finish(notes=False)
     say_warnings(warnings)
 
 

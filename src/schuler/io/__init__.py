@@ -44,6 +44,7 @@ def open_source(
     *,
     max_gap: float | None = None,
     wait: float | None = None,
+    gyro_bias: float | None = None,
     **mapping_overrides: Any,
 ) -> Source:
     """Open a file and settle what its numbers mean, without reading them.
@@ -59,6 +60,8 @@ def open_source(
         Longest gap that is bridged, s; six and a half sampling intervals when not given.
     wait : float, optional
         How long to wait for the first row of a text file that has only begun to grow, s.
+    gyro_bias : float, optional
+        What a gyro's bias may be (1 sigma, rad/s): the gyros of an array may differ by that.
     **mapping_overrides
         Single fields of `Mapping`, which win over `mapping`: ``gyro="deg/s"``, ``axes="FRD"``.
 
@@ -76,7 +79,7 @@ def open_source(
         mapping = Mapping.from_toml(mapping)
     if mapping_overrides:
         mapping = (mapping or Mapping()).merged(Mapping.from_cli(**mapping_overrides))
-    return Source(path, mapping, max_gap=max_gap, wait=wait)
+    return Source(path, mapping, max_gap=max_gap, wait=wait, gyro_bias=gyro_bias)
 
 
 def read(

@@ -117,6 +117,23 @@ class Meaning:
             return seconds, out, None
         return seconds, out, clock.interval(dt)
 
+    def gyros(self, block: Block, time: Array) -> Array:
+        """Return an array's gyros (n, m) as rates, rad/s.
+
+        Parameters
+        ----------
+        block : Block
+            As a reader gives it.
+        time : (n,) float64
+            Its times, s.
+        """
+        values = block[1]
+        columns = values.T if isinstance(values, np.ndarray) else values
+        out = self.gyro[0] * np.column_stack([np.asarray(c, np.float64) for c in columns[:-3]])
+        if self.kind == "increments" and len(time) > 1:
+            out /= float(np.median(np.diff(time)))
+        return np.asarray(out)
+
 
 def settle(
     content: Content, given: Mapping, folder: Mapping, max_gap: float | None = None

@@ -23,6 +23,7 @@ from schuler.io.span import RecordTime, Span
 from schuler.io.spool import Spooled, is_pipe, ordinary
 from schuler.record import ImuRecord, Intake, Quality
 from schuler.record.hints import Reading
+from schuler.sensors.array_check import ArrayCheck, ArrayVerdict
 
 __all__ = ["FOLDER_MAPPING", "Source"]
 
@@ -52,6 +53,9 @@ class Source:
     wait : float, optional
         How long to wait for the first whole row of a text file that has only begun to grow, or
         for standard input's first byte, s; not at all, when not given.
+
+    gyro_bias : float, optional
+        What a gyro's bias may be (1 sigma, rad/s): the gyros of an array may differ by that.
 
     Attributes
     ----------
@@ -87,6 +91,7 @@ class Source:
         *,
         max_gap: float | None = None,
         wait: float | None = None,
+        gyro_bias: float | None = None,
     ) -> None:
         self.path = Path(path)
         # Where the content is: a pipe's is copied, which the object that made the copy removes.
@@ -94,6 +99,8 @@ class Source:
         self._spooled: Spooled | None = None
         self._label = "standard input" if self.path == Path("-") else str(path)
         self._max_gap = max_gap
+        self._gyro_bias = gyro_bias
+        self._working: tuple[int, ...] | None = None
         self._quality: Quality | None = None
         self._intake: Intake | None = None
         try:
@@ -276,6 +283,7 @@ class Source:
             raise InputError(f"{self._label}: cannot be read ({error.strerror or error})") from None
 
     def _records(self, intake: Intake, span: Span) -> Iterator[ImuRecord]:
+        check = self._check_array(span)
         done = kept = 0
         started = not span.begins
         past: list[int] = []
@@ -286,7 +294,9 @@ class Source:
         for block in timed(flow, clock):
             assert block is not None
             clock.check()
-            time, values, dt = self._meaning.convert(block, done, clock)
+            time, values, dt = self._meaning.convert(block, done, clock, self._working)
+            if check is not None:
+                check.push(self._meaning.gyros(block, time))
             done += len(time)
             span.see(time)
             if not started:
@@ -306,9 +316,47 @@ class Source:
             yield intake.push(time, values, dt)
             if past:
                 break
+        if check is not None:
+            self._say_array(check.verdict(), streamed=True)
         # Less than two rows of a stretch are no samples; of a whole file, they are an error.
         if started and (kept > 1 or (not span.begins and not past)):
             yield intake.close()
+
+    def _check_array(self, span: Span) -> ArrayCheck | None:
+        """Compare an array's gyros before they are fused; for a stream, return a check to feed."""
+        array = self._meaning.array
+        if array is None or len(array) < 4:
+            return None
+        check = ArrayCheck(array, self._gyro_bias)
+        if self.path == Path("-"):
+            return check
+        clock, stretch, done = self._pass().again(), Span(*span.said), 0
+        for block in prefetch(self._content.blocks()):
+            time = self._meaning.convert(block, done, clock)[0]
+            done += len(time)
+            stretch.see(time)
+            stop = np.inf if stretch.stop is None else stretch.stop
+            inside = (time >= stretch.first) & (time < stop)
+            check.push(self._meaning.gyros(block, time)[inside])
+            if np.any(time >= stop):
+                break
+        verdict = check.verdict()
+        self._working = verdict.working
+        self._say_array(verdict)
+        return None
+
+    def _say_array(self, verdict: ArrayVerdict, streamed: bool = False) -> None:
+        """Note what the gyros of an array say of each other."""
+        for note in verdict.notes:
+            text = (
+                note.replace("was left out: it", "is faulty, and was used: it")
+                if streamed
+                else note
+            )
+            target = self.contradictions if streamed else self.notes
+            if text not in target:
+                target.append(text)
+        self.contradictions += [t for t in verdict.contradictions if t not in self.contradictions]
 
     def _pass(self) -> Clock:
         """Return a clock for one pass over the file."""

@@ -52,12 +52,14 @@ class Span:
 
     Attributes
     ----------
+    said : pair of (float, bool) or None
+        Start and stop as given: s, and whether they count from the first row.
     start, stop : float or None
         s, in the file's time; None where not said, or before the first row is seen.
     """
 
     def __init__(self, start: tuple[float, bool] | None, stop: tuple[float, bool] | None) -> None:
-        self._said = (start, stop)
+        self.said = (start, stop)
         self.begins = start is not None
         self.limited = start is not None or stop is not None
         self.start = start[0] if start is not None and not start[1] else None
@@ -90,7 +92,7 @@ class Span:
             first = float(finite[0])
             start, stop = (
                 None if said is None else said[0] + (first if said[1] else 0.0)
-                for said in self._said
+                for said in self.said
             )
             if start is not None and stop is not None:
                 self._order(start, stop)
@@ -110,7 +112,7 @@ class Span:
             for name, value in (("its start", self.start), ("its end", self.stop))
         )
         text = f"there are no samples between {begin} and {end} s"
-        relative = all(said is None or said[1] for said in self._said)
+        relative = all(said is None or said[1] for said in self.said)
         if not self._seen or relative:
             return text
         return (
