@@ -28,6 +28,7 @@ __all__ = [
     "json_option",
     "open_file",
     "progress",
+    "reading_options",
     "report_option",
     "say_warnings",
     "site_options",
@@ -52,10 +53,9 @@ def _stack(options: list[Callable[[Any], Any]]) -> Callable[[F], F]:
     return decorate
 
 
-#: the file and everything that says what is in it
-file_options = _stack(
+#: everything that says what is in a file
+reading_options = _stack(
     [
-        click.argument("file", type=InputFile(sidecar=True), shell_complete=files),
         click.option(
             "--columns", metavar="NAMES",
             help="Columns for t,gx,gy,gz,ax,ay,az: names, numbers from 1, or _ to pass one over.",
@@ -142,6 +142,12 @@ file_options = _stack(
         ),
     ]
 )  # fmt: skip
+
+
+def file_options(function: F) -> F:
+    """Add the file, and everything that says what is in it."""
+    argument = click.argument("file", type=InputFile(sidecar=True), shell_complete=files)
+    return argument(reading_options(function))
 
 
 def json_option(text: str = "Write the result as JSON (- : here).") -> Callable[[F], F]:
