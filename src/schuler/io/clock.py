@@ -107,6 +107,8 @@ class Clock:
             )
         spacing = float(np.spacing(np.float32(np.max(np.abs(t)))))
         if np.array_equal(t, t.astype(np.float32)) and spacing > 0.05 * effective:
+            # Stamps that are rounded up and down have no interval of their own.
+            rate = f"{(len(t) - 1) / ((t[-1] - t[0]) * self._factor):.3g}"
             coarse = f"{1e3 * spacing * self._factor:.3g} ms"
             self._note(
                 f"the stamps have the resolution of 32-bit numbers ({coarse}), coarse beside the "

@@ -77,24 +77,27 @@ def choose(names: Sequence[str] | None, count: int, mapping: Mapping) -> Chosen:
     InputError
         If a column is not there, is there twice, or cannot be told.
     """
+    part = None
     if names is None:
         picked = _without_names(count, mapping)
     elif mapping.columns is not None:
         picked = _picked(names, mapping.columns, mapping)
     else:
-        picked = _recognised(names, mapping)
-    roles = mapping.roles
-    part = None
-    if names is not None and mapping.columns is None and mapping.rate is None:
-        part = second_part(names)
+        part = None if mapping.rate is not None else second_part(names)
+        picked = _recognised(names, mapping, () if part is None else part[:2])
         if part is not None:
             picked["t"] = part[0]
+    roles = mapping.roles
     missing = [role for role in roles[1:] if role not in picked]
     if missing:
         listing = f"its columns are {_listing(names)}" if names else f"it has {count} columns"
+        apart = mapping.sensor is None and {"ax", "ay", "az"} <= set(missing)
+        other = (
+            "; accelerometers in a file of their own are joined by --accel-file" if apart else ""
+        )
         raise InputError(
             f"no column for {', '.join(missing)} was found; {listing}; name those that hold "
-            f"{', '.join(roles)}, in this order, with --columns"
+            f"{', '.join(roles)}, in this order, with --columns{other}"
         )
     # A clock of its own needs no stamp: none of them is read.
     t = picked.get("t") if mapping.rate is None else None
@@ -214,9 +217,13 @@ def _by_order(columns: Sequence[str | int], found: list[int], mapping: Mapping) 
     return dict(zip(roles, found, strict=True))
 
 
-def _recognised(names: Sequence[str], mapping: Mapping) -> dict[str, int]:
+def _recognised(
+    names: Sequence[str], mapping: Mapping, passed_over: Sequence[int] = ()
+) -> dict[str, int]:
     picked: dict[str, int] = {}
     for i, name in enumerate(names):
+        if i in passed_over:
+            continue
         role = read_name(name, mapping.roles).role
         if role is None:
             continue

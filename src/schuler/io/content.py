@@ -81,6 +81,8 @@ class Content:
         The format fixes what the numbers are, as that of ROS does: no other unit can be meant.
     stamps : (k,) float64, optional
         The first stamps, by which their unit is found where nobody says it.
+    sample : sequence of (k,) float64, optional
+        The values of the first rows, by which rows are known that hold one sensor or the other.
     """
 
     blocks: Callable[[], Iterator[Block]]
@@ -98,6 +100,7 @@ class Content:
     mark: tuple[str, str] | None = None
     fixed: bool = False
     stamps: Array | None = None
+    sample: Sequence[Array] | None = None
 
 
 @runtime_checkable

@@ -16,11 +16,12 @@ from schuler.io.clock import Clock, timed
 from schuler.io.content import Block, Content
 from schuler.io.dialect import NoRowsError, detect
 from schuler.io.flow import Whole, prefetch, readable
+from schuler.io.join import alternates, join, split_rows
 from schuler.io.mapping import Mapping
 from schuler.io.meaning import settle
 from schuler.io.registry import find_reader
 from schuler.io.span import RecordTime, Span
-from schuler.io.spool import Spooled, is_pipe, ordinary
+from schuler.io.spool import GZIP, Spooled, Unpacked, is_pipe, ordinary
 from schuler.record import ImuRecord, Intake, Quality
 from schuler.record.hints import Reading
 from schuler.sensors.array_check import ArrayCheck, ArrayVerdict
@@ -96,7 +97,9 @@ class Source:
         self.path = Path(path)
         # Where the content is: a pipe's is copied, which the object that made the copy removes.
         self._file = self.path
-        self._spooled: Spooled | None = None
+        self._spooled: Spooled | Unpacked | None = None
+        # The name by which the format is found: that of what is inside a gzip file.
+        self._named_as = self.path
         self._label = "standard input" if self.path == Path("-") else str(path)
         self._max_gap = max_gap
         self._gyro_bias = gyro_bias
@@ -105,12 +108,20 @@ class Source:
         self._intake: Intake | None = None
         try:
             given, folder, notes, self.size, head = self._look(mapping or Mapping(), wait)
-            reader = find_reader(self.path, head, folder.merged(given).format)
+            reader = find_reader(self._named_as, head, folder.merged(given).format)
             self.format = reader.name
             # The folder's units are for files that state none: the reader must not see them.
             plain = replace(folder, gyro=None, accel=None, time=None)
-            opened = reader.open(self._file, plain.merged(given))
+            said = plain.merged(given)
+            apart = said.accel_file is not None or said.accel_topic is not None
+            if apart:
+                said = replace(said, sensor="gyro")
+            opened = reader.open(self._file, said)
             content = opened if isinstance(opened, Content) else _wrap(opened)
+            if apart:
+                content = self._with_accelerometers(content, said)
+            elif content.sample is not None and alternates(content.sample):
+                content = join(*split_rows(content), given, max_gap, "other rows")
             self._meaning = settle(content, given, folder, max_gap)
             self._new_intake(content)  # refuses a bad max_gap now
         except InputError as error:
@@ -184,10 +195,47 @@ class Source:
             self._file = self._spooled.path
         with self._file.open("rb") as file:
             head = file.read(_HEAD)
+        if head.startswith(GZIP):
+            self._spooled = Unpacked(self._file)
+            self._file = self._spooled.path
+            self._named_as = self.path.with_name(self.path.stem)
+            with self._file.open("rb") as file:
+                head = file.read(_HEAD)
         size = self._file.stat().st_size
         if not head:
             raise InputError("is empty")
         return mapping, folder, notes, size, head
+
+    def _with_accelerometers(self, gyros: Content, mapping: Mapping) -> Content:
+        """Open the accelerometers' file or topic, and join it with the gyros."""
+        path = self._file
+        label = f"topic '{mapping.accel_topic}'"
+        own = Mapping()
+        if mapping.accel_file is not None:
+            path = Path(mapping.accel_file)
+            label = f"'{path.name}'"
+            # A mapping beside the first file names the second as it does itself.
+            if not path.exists() and not path.is_absolute():
+                path = self.path.parent / path
+            if not path.is_file():
+                raise InputError(f"the accelerometers' file {label} is not there")
+            sidecar = path.with_name(path.name + ".toml")
+            own = Mapping.from_toml(sidecar) if sidecar.is_file() else own
+            mapping = replace(mapping, columns=None, format=None)
+        mapping = replace(
+            mapping.merged(own), sensor="accel", topic=mapping.accel_topic or mapping.topic
+        )
+        if path.is_dir():
+            head = (path / _BAG).read_bytes()[:_HEAD]
+        else:
+            with path.open("rb") as file:
+                head = file.read(_HEAD)
+        try:
+            opened = find_reader(path, head, mapping.format).open(path, mapping)
+        except InputError as error:
+            raise InputError(f"the accelerometers' {label}: {error}") from None
+        accels = opened if isinstance(opened, Content) else _wrap(opened)
+        return join(gyros, accels, mapping, self._max_gap, label)
 
     def _wait(self, mapping: Mapping, patience: float) -> None:
         """Wait until a text file holds a whole row; opening it says what else is wrong."""
@@ -212,7 +260,7 @@ class Source:
 
     def _new_intake(self, content: Content) -> Intake:
         m = self._meaning.mapping
-        default = "stdin" if self.path == Path("-") else self.path.stem
+        default = "stdin" if self.path == Path("-") else self._named_as.stem
         return Intake(
             self._meaning.kind,
             rate=m.rate,
@@ -409,6 +457,8 @@ class Source:
         InputError
             If the format cannot be followed, the file becomes shorter, or a row is bad.
         """
+        if isinstance(self._spooled, Unpacked):
+            raise InputError(f"{self._label}: is compressed, and cannot be followed")
         if self._spooled is not None:
             raise InputError(f"{self._label}: {_PIPE}")
         if self._content.follow is None:

@@ -57,6 +57,7 @@ class TextReader:
         chosen = choose(dialect.names, dialect.count, Mapping() if own else mapping)
         instants, label, notes = _instants(dialect, chosen, mapping)
         table = TextTable(path, dialect, chosen.all, head=head, instants=instants, notes=notes)
+        stamps, sample = table.first_rows(chosen)
         said = chosen.said()
         if instants:
             said = replace(said, time="s")
@@ -67,7 +68,8 @@ class TextReader:
             said=said,
             time_label=label,
             mark=chosen.mark,
-            stamps=table.first_stamps(chosen),
+            stamps=stamps,
+            sample=sample,
             name=own_name(own),
             notes=table.notes,
             progress=table.progress,
@@ -182,21 +184,23 @@ class TextTable:
     def __post_init__(self) -> None:
         self._cells = Cells(self.dialect, self.columns, self.instants)
 
-    def first_stamps(self, chosen: Chosen) -> Array | None:
-        """Return the first stamps of a file, as far as they can be read; None for a stream."""
-        if self.path == Path("-") or chosen.t is None:
-            return None
+    def first_rows(self, chosen: Chosen) -> tuple[Array | None, list[Array] | None]:
+        """Return the first stamps and values of a file, as far as they can be read.
+
+        None for a stream, and where something is wrong, which is said when the rows are read.
+        """
+        if self.path == Path("-"):
+            return None, None
         with self.path.open("rb") as file:
             file.seek(self.dialect.offset)
             head = file.read(_HEAD)
         # Whole lines only: the last may be half of one.
         block = head[: head.rfind(b"\n") + 1]
-        only = [c for c in (chosen.t, chosen.t_part) if c is not None]
         try:
-            return _time(Cells(self.dialect, tuple(only), self.instants).parse(block), chosen)
+            columns = Cells(self.dialect, chosen.all, self.instants).parse(block)
         except LineError:
-            # What is wrong is said when the rows are read.
-            return None
+            return None, None
+        return _time(columns, chosen), [columns[i] for i in chosen.values]
 
     def progress(self) -> float:
         """Fraction of the file that has been read; 0 for a stream."""
