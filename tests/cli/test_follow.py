@@ -26,6 +26,11 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and pipes of
 
 
 @contextmanager
+def listen_to_interrupts() -> None:
+    """Undo what a caller may have said: a test in the background ignores Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def schuler(*arguments: object) -> Iterator[subprocess.Popen[str]]:
     """Run a command beside the test; end it if the test has not."""
     with subprocess.Popen(
@@ -125,7 +130,7 @@ def test_interrupt_before_the_first_row(tmp_path: Path) -> None:
     path = tmp_path / "live.csv"
     path.touch()
     with schuler("align", path, *PLACE, "--follow") as process:
-        time.sleep(3.0)
+        time.sleep(6.0)
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=300)
     assert process.returncode == 130

@@ -61,6 +61,8 @@ def start(*arguments):
     return subprocess.Popen(
         [sys.executable, "-m", "schuler", "live", *arguments], stdin=subprocess.PIPE,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        # A test that runs in the background would ignore Ctrl-C, and so would its children.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
 
 
@@ -81,7 +83,7 @@ def last_line(out):
 def test_udp_with_a_bad_line_and_a_flood(record):
     """5 % dropped, repeated, shuffled each, and as many datagrams of others, the first ones too."""
     process = start("udp:0", "--lat", "50", "--spec", "navigation-rlg", "--json",
-                    "--idle", "1", "--every", "0.2", "--method", "centred")  # fmt: skip
+                    "--idle", "5", "--every", "0.2", "--method", "centred")  # fmt: skip
     where = listening(process)
     packets = shaken(samples(record), np.random.default_rng(1))
     with (

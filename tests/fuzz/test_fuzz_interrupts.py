@@ -75,6 +75,8 @@ def bench(tmp_path_factory):
 def start(words, folder, **settings):
     """Start a command, without the measuring of coverage, which writes files of its own."""
     plain = {k: v for k, v in os.environ.items() if not k.startswith("COV")}
+    # In the background Ctrl-C is ignored, and by children too.
+    settings.setdefault("preexec_fn", lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
     return subprocess.Popen(
         [sys.executable, "-m", "schuler", *words.split()], cwd=folder, env=plain,
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, **settings,
