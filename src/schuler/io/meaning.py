@@ -241,6 +241,7 @@ def settle(
             accel if _plain_unit(accel) else None,
             fixed=content.fixed or content.complete,
             axes_said=m.axes is not None,
+            units_said="(assumed)" not in assumed,
         ),
     )
 

@@ -30,6 +30,8 @@ class Reading:
         The file's format fixes units, so that no other can be meant.
     axes_said : bool
         Somebody said where the axes point.
+    units_said : bool
+        Somebody said the units, or they are not those of a file.
     """
 
     kind: str = "unknown"
@@ -37,6 +39,7 @@ class Reading:
     accel_unit: str | None = None
     fixed: bool = False
     axes_said: bool = False
+    units_said: bool = True
 
 
 def _candidates(
@@ -105,7 +108,8 @@ def force_hint(
     candidates = _candidates(interval, reading, reading.accel_unit, _FORCES, _VELOCITIES)
     fit = _fitting(ratio, candidates, 0.1)
     if fit:
-        return f"{text}; it would fit if the accelerometer values were {fit}"
+        both = "" if reading.units_said else " (both units were assumed: say --gyro and --accel)"
+        return f"{text}; it would fit if the accelerometer values were {fit}{both}"
     if reading.fixed:
         return (
             f"{text}, and the format fixes the unit: check the instrument's scale, and whether the "
