@@ -282,7 +282,9 @@ def _stretches(table: Array) -> tuple[Stretch, ...]:
     disturbed = moved.copy()
     for columns in (slice(3, 6), slice(6, 9)):
         wander = _wander(table, columns, group)
-        disturbed |= wander > _LOUD * np.quantile(wander, 0.1) + 1e-300
+        # A unit that moves, however steadily, is no measure of quiet.
+        still = wander[~moved] if not moved.all() else wander
+        disturbed |= wander > _LOUD * np.quantile(still, 0.1) + 1e-300
     out: list[Stretch] = []
     begin = table[:, 0] - table[:, 1]
     for k, flag in enumerate(disturbed):
