@@ -25,6 +25,11 @@ Run = Callable[..., Ran]
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and pipes of POSIX")
 
 
+def listen_to_interrupts() -> None:
+    """Undo what a caller may have said: a test in the background ignores Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @contextmanager
 def listen_to_interrupts() -> None:
     """Undo what a caller may have said: a test in the background ignores Ctrl-C."""
@@ -36,6 +41,7 @@ def schuler(*arguments: object) -> Iterator[subprocess.Popen[str]]:
     with subprocess.Popen(
         [sys.executable, "-W", "error", "-m", "schuler", *map(str, arguments)],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        preexec_fn=listen_to_interrupts,
     ) as process:  # fmt: skip
         try:
             yield process
