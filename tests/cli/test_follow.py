@@ -31,11 +31,6 @@ def listen_to_interrupts() -> None:
 
 
 @contextmanager
-def listen_to_interrupts() -> None:
-    """Undo what a caller may have said: a test in the background ignores Ctrl-C."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
 def schuler(*arguments: object) -> Iterator[subprocess.Popen[str]]:
     """Run a command beside the test; end it if the test has not."""
     with subprocess.Popen(

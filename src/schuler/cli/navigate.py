@@ -217,6 +217,7 @@ def _data(
         "schuler": __version__,
         "file": str(source.path),
         "read_as": source.meaning,
+        "assumed": list(source.assumed),
         "gravity": navigator.gravity.model,
         "vertical": navigator.vertical.mode,
         "start": begin,
