@@ -26,14 +26,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.io.mapping import Mapping
 
-__all__ = ["BLOCK_ROWS", "Array", "Block", "Content", "Reader"]
+__all__ = ["BLOCK_ROWS", "Array", "Block", "Content", "Reader", "wrapped"]
 
 Array = NDArray[np.float64]
 
@@ -119,3 +119,16 @@ class Reader(Protocol):
     ) -> Content | Iterable[tuple[Array | None, Sequence[Array] | Array]]:
         """Open the file; see the module's docstring."""
         ...
+
+
+def wrapped(opened: Any) -> Content:
+    """Return what a reader gives as a `Content`: a simple one gives pairs of time and values."""
+    if isinstance(opened, Content):
+        return opened
+
+    def blocks() -> Iterator[Block]:
+        for item in opened:
+            time, values = item[0], item[1]
+            yield time, values, None
+
+    return Content(blocks=blocks)

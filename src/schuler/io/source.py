@@ -7,13 +7,13 @@ import time as wall
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from schuler.errors import InputError, shown
+from schuler.io.apart import with_accelerometers
 from schuler.io.clock import Clock, timed
-from schuler.io.content import Block, Content
+from schuler.io.content import Content, wrapped
 from schuler.io.dialect import NoRowsError, detect
 from schuler.io.flow import Whole, prefetch, readable
 from schuler.io.join import alternates, join, split_rows
@@ -117,9 +117,9 @@ class Source:
             if apart:
                 said = replace(said, sensor="gyro")
             opened = reader.open(self._file, said)
-            content = opened if isinstance(opened, Content) else _wrap(opened)
+            content = wrapped(opened)
             if apart:
-                content = self._with_accelerometers(content, said)
+                content = with_accelerometers(content, said, self.path, self._file, max_gap)
             elif content.sample is not None and alternates(content.sample):
                 content = join(*split_rows(content), given, max_gap, "other rows")
             self._meaning = settle(content, given, folder, max_gap)
@@ -205,37 +205,6 @@ class Source:
         if not head:
             raise InputError("is empty")
         return mapping, folder, notes, size, head
-
-    def _with_accelerometers(self, gyros: Content, mapping: Mapping) -> Content:
-        """Open the accelerometers' file or topic, and join it with the gyros."""
-        path = self._file
-        label = f"topic '{mapping.accel_topic}'"
-        own = Mapping()
-        if mapping.accel_file is not None:
-            path = Path(mapping.accel_file)
-            label = f"'{path.name}'"
-            # A mapping beside the first file names the second as it does itself.
-            if not path.exists() and not path.is_absolute():
-                path = self.path.parent / path
-            if not path.is_file():
-                raise InputError(f"the accelerometers' file {label} is not there")
-            sidecar = path.with_name(path.name + ".toml")
-            own = Mapping.from_toml(sidecar) if sidecar.is_file() else own
-            mapping = replace(mapping, columns=None, format=None)
-        mapping = replace(
-            mapping.merged(own), sensor="accel", topic=mapping.accel_topic or mapping.topic
-        )
-        if path.is_dir():
-            head = (path / _BAG).read_bytes()[:_HEAD]
-        else:
-            with path.open("rb") as file:
-                head = file.read(_HEAD)
-        try:
-            opened = find_reader(path, head, mapping.format).open(path, mapping)
-        except InputError as error:
-            raise InputError(f"the accelerometers' {label}: {error}") from None
-        accels = opened if isinstance(opened, Content) else _wrap(opened)
-        return join(gyros, accels, mapping, self._max_gap, label)
 
     def _wait(self, mapping: Mapping, patience: float) -> None:
         """Wait until a text file holds a whole row; opening it says what else is wrong."""
@@ -502,14 +471,3 @@ class Source:
     def _named(self, error: InputError) -> InputError:
         text = str(error)
         return error if text.startswith(f"{self._label}:") else InputError(f"{self._label}: {text}")
-
-
-def _wrap(opened: Any) -> Content:
-    """Make a `Content` of what a simple reader gives: an iterable of (time, values)."""
-
-    def blocks() -> Iterator[Block]:
-        for item in opened:
-            time, values = item[0], item[1]
-            yield time, values, None
-
-    return Content(blocks=blocks)
