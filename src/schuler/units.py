@@ -12,7 +12,10 @@ import re
 from schuler.constants import ARCMIN, ARCSEC, DEG, STANDARD_GRAVITY
 from schuler.errors import InputError
 
-__all__ = ["UNITS", "convert", "dimension_of", "parse", "parse_factor", "to_unit"]
+__all__ = [
+    "UNITS", "convert", "dimension_of", "known_unit", "parse", "parse_factor", "time_text",
+    "to_unit",
+]  # fmt: skip
 
 _H = 3600.0
 _SQRT_H = 60.0
@@ -41,6 +44,7 @@ UNITS: dict[str, tuple[float, str]] = {
     "rad/s": (1.0, "angular rate"),
     "mrad/s": (1e-3, "angular rate"),
     "deg/s": (DEG, "angular rate"),
+    "mdeg/s": (1e-3 * DEG, "angular rate"),
     "deg/h": (DEG / _H, "angular rate"),
     "rad/h": (1.0 / _H, "angular rate"),
     "arcsec/s": (ARCSEC, "angular rate"),
@@ -95,9 +99,16 @@ UNITS: dict[str, tuple[float, str]] = {
 }
 
 _SPELLINGS = {
-    "°": "deg", "dps": "deg/s", "dph": "deg/h", "hr": "h", "hour": "h", "sec": "s",
+    "°": "deg", "degrees": "deg", "degree": "deg", "radians": "rad", "radian": "rad",
+    "dps": "deg/s", "mdps": "mdeg/s", "degps": "deg/s", "radps": "rad/s", "dph": "deg/h",
+    "hr": "h", "hour": "h", "hours": "h", "minutes": "min",
+    "sec": "s", "secs": "s", "second": "s", "seconds": "s",
+    "msec": "ms", "millis": "ms", "millisecond": "ms", "milliseconds": "ms",
+    "usec": "us", "micros": "us", "microsecond": "us", "microseconds": "us",
+    "nsec": "ns", "nanos": "ns", "nanosecond": "ns", "nanoseconds": "ns",
     "rtHz": "sqrt(Hz)", "√Hz": "sqrt(Hz)", "√h": "sqrt(h)", "√s": "sqrt(s)", "rthr": "sqrt(h)",
-    "µ": "u", "μ": "u", "²": "^2", "**2": "^2", "m/s2": "m/s^2", "m/s/s": "m/s^2", "·": "*",
+    "µ": "u", "μ": "u", "²": "^2", "**2": "^2", "·": "*",
+    "m/s2": "m/s^2", "m/s/s": "m/s^2", "mps2": "m/s^2", "mps^2": "m/s^2",
 }  # fmt: skip
 
 _LONGEST = 200
@@ -111,8 +122,15 @@ def _number(text: str, what: str) -> re.Match[str] | None:
     return _NUMBER.fullmatch(text)
 
 
+#: "rad s^-1", "m s-2", "m·s**-2": powers of a time that divides
+_POWERS = re.compile(r"(?<=[A-Za-z°])\s*[*·.\s]\s*(s|h|sec|hr)\s*(?:\^|\*\*)?\s*\(?-([12])\)?")
+
+
 def _normalise(unit: str) -> str:
-    text = unit.replace(" ", "").replace("(deg/h)", "deg/h").replace("(m/s)", "m/s")
+    text = _POWERS.sub(lambda m: f"/{m[1]}" + ("^2" if m[2] == "2" else ""), unit.strip())
+    # A capital G is what sensors' makers write; gauss is no unit of this table.
+    text = {"G": "g", "mG": "mg"}.get(text, text)
+    text = text.replace(" ", "").replace("(deg/h)", "deg/h").replace("(m/s)", "m/s")
     if text in UNITS:
         return text
     for other, ours in _SPELLINGS.items():
@@ -122,16 +140,24 @@ def _normalise(unit: str) -> str:
             pattern = rf"(?<![A-Za-z]){pattern}(?![A-Za-z])"
         elif other.startswith("m/s"):
             pattern = rf"{pattern}(?![0-9])" if other == "m/s2" else rf"{pattern}(?!qrt)"
+        elif other.startswith("mps"):
+            pattern = rf"(?<![A-Za-z]){pattern}(?![0-9])"
         text = re.sub(pattern, ours, text)
     return text
 
 
-def _lookup(unit: str, what: str) -> tuple[float, str]:
+def _lookup(unit: str, what: str, dimensions: tuple[str, ...] = ()) -> tuple[float, str]:
     entry = UNITS.get(_normalise(unit))
     if entry is None:
-        known = ", ".join(sorted(UNITS, key=str.lower))
+        fitting = [name for name, (_, kind) in UNITS.items() if kind in dimensions]
+        known = ", ".join(fitting or sorted(UNITS, key=str.lower))
         raise InputError(f"{what}: unknown unit '{unit}'; known units: {known}")
     return entry
+
+
+def known_unit(text: str) -> bool:
+    """Say whether a text is a unit of the table, in any of its spellings."""
+    return _normalise(text) in UNITS
 
 
 def dimension_of(unit: str) -> str:
@@ -170,7 +196,7 @@ def parse(text: str, dimension: str, what: str = "value") -> float:
     number, unit = match.groups()
     if not unit:
         raise InputError(f"{what}: '{text}' has no unit; say one of {_units_of(dimension)}")
-    factor, found = _lookup(unit, what)
+    factor, found = _lookup(unit, what, (dimension,))
     if found != dimension:
         raise InputError(
             f"{what}: '{text}' is of {found}, expected {dimension} ({_units_of(dimension)})"
@@ -196,7 +222,7 @@ def parse_factor(text: str, dimensions: tuple[str, ...], what: str) -> tuple[flo
     """
     match = _number(text, what)
     number, unit = match.groups() if match and match.group(2) else ("1", text.strip())
-    factor, found = _lookup(unit, what)
+    factor, found = _lookup(unit, what, dimensions)
     if found not in dimensions:
         options = " or ".join(f"{d} ({_units_of(d)})" for d in dimensions)
         raise InputError(f"{what}: '{text}' is of {found}, expected {options}")
@@ -223,6 +249,18 @@ def convert(value: float, from_unit: str, to: str) -> float:
     if a[1] != b[1]:
         raise InputError(f"cannot convert {a[1]} ('{from_unit}') to {b[1]} ('{to}')")
     return value * a[0] / b[0]
+
+
+def time_text(seconds: float) -> str:
+    """Return an instant for a message: nine digits, and never less than hundredths of a second.
+
+    A Unix time has ten digits before its point: ``1700000059.99``, not ``1.70000006e+09``.
+    """
+    if abs(seconds) < 1e6 or not math.isfinite(seconds):
+        return f"{seconds:.9g}"
+    text = f"{seconds:.6f}".rstrip("0")
+    whole, _, decimals = text.partition(".")
+    return f"{whole}.{decimals:0<2}" if abs(seconds) < 1e16 else f"{seconds:.17g}"
 
 
 def _units_of(dimension: str) -> str:

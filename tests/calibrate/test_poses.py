@@ -16,17 +16,19 @@ MATRIX = np.array([[1.01, 0.003, -0.002], [0.0, 0.99, 0.004], [0.0, 0.0, 1.02]])
 GYRO = np.array([[1.02, 0.01, -0.005], [-0.01, 0.98, 0.008], [0.003, -0.006, 1.01]])
 
 
-def by_hand(rng, poses=24, rate=100.0, noise=0.02):
-    """Return time, force, rate of an instrument turned from pose to pose."""
+def by_hand(rng, poses=24, rate=100.0, noise=0.02, first=12.0, hold=3.0, turns=None):
+    """Return time, force, rate of an instrument turned from pose to pose (at random, or so)."""
     t, attitude, w = [], [], []
     q = Rotation.identity()
     for k in range(poses):
-        rest = 12.0 if k == 0 else 3.0
+        rest = first if k == 0 else hold
         n = round(rest * rate)
         attitude += [q] * n
         w += [np.zeros(3)] * n
         axis = rng.normal(size=3)
         axis *= rng.uniform(1.2, 2.6) / np.linalg.norm(axis)
+        if turns is not None:
+            axis = np.array(turns[k], float)
         n = round(1.5 * rate)
         # A raised cosine: rest at both ends.
         rates = 1.0 - np.cos(2 * np.pi * (np.arange(n) + 0.5) / n)
@@ -49,7 +51,7 @@ def test_known_coefficients_come_back_and_sigma_is_honest():
     nees, runs = 0.0, 30
     for seed in range(runs):
         t, f, _ = by_hand(np.random.default_rng(seed))
-        fit = calibrate_poses(t, f)
+        fit = calibrate_poses(t, f, gravity=G)
         upper = np.triu_indices(3)
         error = np.r_[fit.calibration.accel_bias - BIAS,
                       fit.calibration.accel_matrix[upper] - MATRIX[upper]]  # fmt: skip
@@ -62,7 +64,7 @@ def test_known_coefficients_come_back_and_sigma_is_honest():
 
 def test_gyros_come_back_from_the_turns(rng):
     t, f, w = by_hand(rng)
-    fit = calibrate_poses(t, f, w)
+    fit = calibrate_poses(t, f, w, gravity=G)
     sigma = fit.calibration.sigma["gyro_matrix"]
     np.testing.assert_allclose(fit.calibration.gyro_bias, 0.01, atol=1e-4)
     assert np.abs((fit.calibration.gyro_matrix - GYRO) / sigma).max() < 5.0
@@ -72,10 +74,10 @@ def test_gyros_come_back_from_the_turns(rng):
 
 def test_a_bad_pose_is_left_out_and_named(rng):
     t, f, _ = by_hand(rng)
-    clean = calibrate_poses(t, f)
+    clean = calibrate_poses(t, f, gravity=G)
     a, b = clean.dwells[7]
     f[a:b] += 0.15
-    fit = calibrate_poses(t, f)
+    fit = calibrate_poses(t, f, gravity=G)
     assert not fit.used[7]
     assert fit.used.sum() >= 22
     assert any("pose 8 was left out" in text for text in fit.unseen)
@@ -88,23 +90,23 @@ def test_poses_too_much_alike_are_refused(rng):
     flat = f.copy()
     flat[:, 2] = G + 0.02 * rng.normal(size=len(f))
     with pytest.raises(InputError, match="hardly turn the z accelerometer"):
-        calibrate_poses(t, flat, dwells=calibrate_poses(t, f).dwells)
+        calibrate_poses(t, flat, gravity=G, dwells=calibrate_poses(t, f, gravity=G).dwells)
 
 
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        (lambda t, f: (t[:500], f[:500]), "too short"),
+        (lambda t, f: (t[:150], f[:150]), "too short"),
         (lambda t, f: (t, np.where(np.arange(len(t))[:, None] == 70, np.nan, f)), "row 71"),
         (lambda t, f: (t[::-1], f), "does not come after"),
         (lambda t, f: (t, f[:, :2]), "expected shape"),
-        (lambda t, f: (t[:2500], f[:2500]), "ten poses or more"),
+        (lambda t, f: (t[:2500], f[:2500]), "six poses or more"),
     ],
 )
 def test_bad_input_is_one_sentence(change, text, rng):
     t, f, _ = by_hand(rng)
     with pytest.raises(InputError, match=text):
-        calibrate_poses(*change(t, f))
+        calibrate_poses(*change(t, f), gravity=G)
 
 
 @pytest.mark.realdata
@@ -141,3 +143,84 @@ def test_a_steady_turn_about_the_vertical_is_no_pose(rng):
     assert len(found) == 2
     assert found[0, 1] <= 2000
     assert found[1, 0] >= 4000
+
+
+def six_positions():
+    """Return the rotations (rad, body) that lay an instrument on each of its six faces."""
+    q = np.pi / 2
+    return [(q, 0, 0), (q, 0, 0), (q, 0, 0), (0, 0, q), (0, 0, 2 * q), (0.0, 0.0, 0.01)]
+
+
+def test_six_positions_show_bias_and_scale():
+    """100 seeded runs of six positions: bias and scale within their sigma; false alarm 1e-3."""
+    diagonal = np.diag([0, 0, 0])
+    nees, runs, free = 0.0, 100, np.array([0, 1, 2, 3, 6, 8])
+    for seed in range(runs):
+        rng = np.random.default_rng(seed)
+        bias, scale = 0.2 * rng.normal(size=3), 1.0 + 0.02 * rng.normal(size=3)
+        ups = np.vstack([np.eye(3), -np.eye(3)])
+        means = (G * ups) / scale + bias
+        n = 200
+        f = np.repeat(means, n, axis=0) + 0.02 * rng.normal(size=(6 * n, 3))
+        dwells = np.array([[k * n, (k + 1) * n] for k in range(6)])
+        fit = calibrate_poses(0.01 * np.arange(6 * n), f, gravity=G, dwells=dwells)
+        error = np.r_[fit.calibration.accel_bias - bias,
+                      np.diag(fit.calibration.accel_matrix) - scale]  # fmt: skip
+        nees += error @ np.linalg.solve(fit.accel_covariance[np.ix_(free, free)], error)
+        np.testing.assert_array_equal(np.triu(fit.calibration.accel_matrix, 1), diagonal)
+        assert any("10 or more show the axes" in text for text in fit.unseen)
+    low, high = chi_square_band(6 * runs, 1e-3)
+    assert low < nees < high
+
+
+def test_few_turns_show_the_scale_of_the_gyros(rng):
+    turns = six_positions()
+    t, f, w = by_hand(rng, poses=6, turns=turns)
+    fit = calibrate_poses(t, f, w, gravity=G)
+    assert len(fit.dwells) == 6
+    sigma = np.diag(fit.calibration.sigma["gyro_matrix"])
+    assert fit.calibration.gyro_matrix[0, 1] == 0.0
+    # The axes are off by a hundredth, which the scale alone cannot hold.
+    off = np.diag(fit.calibration.gyro_matrix) - np.diag(GYRO)
+    assert np.abs(off[0]) < 0.01 + 5 * sigma[0]
+    with pytest.raises(InputError, match="six poses or more, each axis up and down"):
+        calibrate_poses(t[:2200], f[:2200], w[:2200], gravity=G)
+
+
+def test_poses_of_a_second_are_enough(rng):
+    t, f, w = by_hand(rng, first=1.2, hold=1.1)
+    fit = calibrate_poses(t, f, w, gravity=G)
+    assert len(fit.dwells) == 24
+    sigma = np.sqrt(np.diag(fit.accel_covariance))[:3]
+    assert np.abs((fit.calibration.accel_bias - BIAS) / sigma).max() < 5.0
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]]),
+         "x is y of the gyros, y is x of the gyros, z is -z"),
+        (np.diag([1.0, 1.0, -1.0]), "z is -z of the gyros"),
+        (-np.eye(3), "x is -x of the gyros, y is -y of the gyros, z is -z of the gyros"),
+    ],
+)  # fmt: skip
+def test_exchanged_and_reversed_gyros_are_named(change, words, rng):
+    t, f, w = by_hand(rng)
+    assert calibrate_poses(t, f, w, gravity=G).remarks == ()
+    fit = calibrate_poses(t, f, w @ change.T, gravity=G)
+    assert len(fit.remarks) == 1
+    assert words in fit.remarks[0]
+    sigma = fit.calibration.sigma["gyro_matrix"]
+    assert (
+        np.abs((fit.calibration.gyro_matrix @ change - GYRO) / np.abs(sigma @ np.abs(change))).max()
+        < 6.0
+    )
+
+
+def test_what_is_no_error_of_an_instrument_is_refused(rng):
+    t, f, w = by_hand(rng)
+    with pytest.raises(InputError, match=r"the gyros miss gravity by .* deg a turn after"):
+        calibrate_poses(t, f, w[::-1], gravity=G, dwells=find_dwells(t, f))
+    noisy = f + 2.0 * np.repeat(rng.normal(size=(len(f) // 100 + 1, 3)), 100, axis=0)[: len(f)]
+    with pytest.raises(InputError, match="the poses miss gravity by"):
+        calibrate_poses(t, noisy, gravity=G, dwells=find_dwells(t, f))

@@ -365,7 +365,8 @@ def test_stated_warning(kind: str, run: Run, table: Array, tmp_path: Path) -> No
     before = sorted(tmp_path.rglob("*"))
     ran = run(*arguments)
     assert ran.code in (0, 3), ran
-    assert ran.err.splitlines() == ran.warnings
+    said = [line for line in ran.err.splitlines() if not line.startswith("note: assumed: ")]
+    assert said == ran.warnings
     assert any(re.search(words, line) for line in ran.warnings), ran.err
     assert ran.out.startswith({0: ("heading ", "no heading "), 3: "INCONSISTENT: "}[ran.code])
     assert "warning" not in ran.out
@@ -414,7 +415,7 @@ def test_mutated_tables_never_trace_back(
     path.write_bytes(data)
     with pytest.raises(SystemExit) as stop:
         main([command, str(path), *PLACE])
-    assert stop.value.code in (0, 2)
+    assert stop.value.code in (0, 2, 3)
 
 
 @pytest.mark.parametrize("value", ["1e200", "-1e155", "1.7e308"])

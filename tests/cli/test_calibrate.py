@@ -127,10 +127,38 @@ def test_poses_from_one_record(cli, tmp_path):
     rows = np.column_stack([t, w, f])
     np.savetxt(tmp_path / "r.csv", rows, delimiter=",", header="t,gx,gy,gz,ax,ay,az", comments="")
     code, text, _ = cli("calibrate", "poses", tmp_path / "r.csv", "--gyro", "rad/s", "--accel",
-                        "m/s^2", "--out", tmp_path / "c.toml")  # fmt: skip
+                        "m/s^2", "--gravity", 9.80665, "--out", tmp_path / "c.toml")  # fmt: skip
     assert code == 0, text
     found = Calibration.from_toml(tmp_path / "c.toml")
     np.testing.assert_allclose(found.accel_bias, BIAS, atol=0.02)
+
+
+def test_gravity_of_the_poses_is_said(cli, tmp_path):
+    from tests.calibrate.test_poses import MATRIX, by_hand
+
+    t, f, w = by_hand(np.random.default_rng(1), poses=14)
+    rows = np.column_stack([t, np.degrees(w), f / 9.80665])
+    path = tmp_path / "r.csv"
+    np.savetxt(path, rows, delimiter=",", header="t,gx,gy,gz,ax,ay,az", comments="")
+    units = ("--gyro", "deg/s", "--accel", "g", "--axes", "RFU", "--json", "-")
+    code, text, _ = cli("calibrate", "poses", path, *units)
+    assert code == 2
+    assert "say --lat (and --height), or --gravity" in text
+    for words, gravity, said in (
+        (("--gravity", 9.80665), 9.80665, "as given"),
+        (("--lat", 0, "--height", 1000), 9.77724, "latitude 0 deg, height 1000 m"),
+    ):
+        code, text, out = cli("calibrate", "poses", path, *units, *words)
+        assert code == 0, text
+        data = json.loads(out)
+        schema("calibrate-poses").validate(data)
+        assert data["gravity_m_s2"] == pytest.approx(gravity, abs=1e-5)
+        assert said in data["gravity_from"]
+        # Gravity is the scale: the matrix is in proportion to it.
+        expected = MATRIX[0, 0] * gravity / 9.80665
+        assert (
+            abs(data["accel"]["matrix"][0][0] - expected) < 5 * data["accel"]["matrix_sigma"][0][0]
+        )
 
 
 def test_align_applies_a_calibration(cli, tmp_path, rng):
@@ -212,7 +240,7 @@ def test_bad_tables_are_one_sentence(cli, tmp_path, content, text):
     path = tmp_path / "a.txt"
     if content is not None:
         path.write_text(content, encoding="utf-8")
-    code, said, _ = cli("calibrate", "poses", path, path, "--gyro-scale", "1 deg/s")
+    code, said, _ = cli("calibrate", "poses", path, path, "--gyro-scale", "1 deg/s", "--lat", 48)
     assert code == 2
     assert text in said
 
@@ -224,8 +252,11 @@ def test_poses_bad_options(cli, tmp_path):
     late = tmp_path / "b.txt"
     np.savetxt(late, np.column_stack([t + 1, np.ones((200, 3))]))
     for words, text in (
-        ((good, good), "say roughly what a count"),
-        ((good, late, "--gyro-scale", "1 deg/s"), "same instants"),
+        ((good, good, "--gravity", 9.8, "--lat", 48), "not both"),
+        ((good, good, "--lat", 48, "--axes", "FRD"), "--axes goes with one record"),
+        ((good, good), "say --lat (and --height), or --gravity"),
+        ((good, good, "--lat", 48), "say roughly what a count"),
+        ((good, late, "--lat", 48, "--gyro-scale", "1 deg/s"), "same instants"),
         ((good, good, good), "one record or two tables"),
         ((good, good, "--gravity", "98"), "--gravity"),
         ((good, "--gyro-scale", "1 deg/s"), "two tables of counts"),

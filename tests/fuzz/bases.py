@@ -68,6 +68,19 @@ def foreign_npz(folder: Path) -> Path:
     return folder / "a.npz"
 
 
+def npy(folder: Path) -> Path:
+    np.save(folder / "a.npy", ROWS)
+    return folder / "a.npy"
+
+
+def mat_structure(folder: Path) -> Path:
+    from scipy.io import savemat
+
+    imu = {"t": ROWS[:, 0], "wb": ROWS[:, 1:4], "fb": ROWS[:, 4:], "freq": 100.0}
+    savemat(folder / "a.mat", {"imu": imu}, do_compression=True)
+    return folder / "a.mat"
+
+
 def mat(**options: Any) -> Make:
     def make(folder: Path) -> Path:
         from scipy.io import savemat
@@ -182,6 +195,8 @@ BASES: dict[str, tuple[str, Make, dict[str, Any], bool]] = {
     "parquet": ("record", foreign_parquet, {}, False),
     "npz-own": ("record", own(".npz"), {}, True),
     "npz": ("record", foreign_npz, {}, False),
+    "npy": ("record", npy, {}, False),
+    "mat-structure": ("record", mat_structure, {}, False),
     "mat-5": ("record", mat(), {}, False),
     "mat-5-zlib": ("record", mat(do_compression=True), {}, False),
     "mat-4": ("record", mat(format="4"), {}, False),

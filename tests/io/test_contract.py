@@ -3,6 +3,7 @@ pieces with the same bits, and give `schuler info` and `schuler align` the same 
 
 from __future__ import annotations
 
+import gzip
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -79,6 +80,17 @@ def mat(record: ImuRecord, folder: Path) -> Path:
     return folder / "a.mat"
 
 
+def mat_structure(record: ImuRecord, folder: Path) -> Path:
+    imu = {"t": record.time[:, None], "wb": record.dtheta, "fb": record.dvel, "freq": 25.0}
+    savemat(folder / "b.mat", {"imu": imu, "note": "at rest", "offset": 3.0})
+    return folder / "b.mat"
+
+
+def npy(record: ImuRecord, folder: Path) -> Path:
+    np.save(folder / "a.npy", table(record, np.eye(3)))
+    return folder / "a.npy"
+
+
 def psins(record: ImuRecord) -> bytes:
     rows = np.rint(np.column_stack([record.dtheta, record.dvel]) / 1e-9).astype(int)
     size, ug = np.degrees(1e-9) * 3600, 1e-9 / 9.8e-6
@@ -102,7 +114,11 @@ FORMATS: dict[str, tuple[str, Callable[[ImuRecord, Path], Path], dict[str, objec
             INCREMENTS),
     "parquet": ("parquet", own(".parquet"), {}),
     "npz": ("npz", own(".npz"), {}),
+    "csv.gz": ("text", put("a.csv.gz", lambda r: gzip.compress(make_text(
+        table(r, np.eye(3)), header=HEADER).encode())), INCREMENTS),
+    "npy": ("npy", npy, INCREMENTS),
     "mat": ("mat", mat, {}),
+    "mat-structure": ("mat", mat_structure, INCREMENTS),
     "psins": ("psins", put("a.imu", psins), {}),
     "bin": ("bin", put("a.bin", lambda r: table(r, np.eye(3)).tobytes()), INCREMENTS),
     "ros1": ("ros", bag("ros1"), MEAN),

@@ -89,6 +89,9 @@ FULL = Mapping(
     format="kf-gins",
     topic="/imu/data",
     imu_type="LN200",
+    accel_file="acc.csv",
+    accel_topic="/accel",
+    sensor="gyro",
 )
 
 

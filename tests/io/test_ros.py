@@ -177,3 +177,19 @@ def test_the_door_checks_bags_too(tmp_path: Path, rows: Array) -> None:
     assert (record.quality.not_finite, record.quality.repeated) == (1, 1)
     rows[35, 0] = 0.05
     fails(write_bag(tmp_path / "b.bag", {"/imu": rows}, "ros1"), "data row")
+
+
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_two_topics_are_joined(kind: str, tmp_path: Path) -> None:
+    t = 0.01 * np.arange(1, 301)
+    gyro = np.column_stack([t, 0.1 * t, 0.2 * t, 0.3 * t, np.zeros((300, 3))])
+    accel = np.column_stack([t + 0.003, np.zeros((300, 3)), 0.5 * t, 1.0 - t, 9.8 + 0.0 * t])
+    bag = write_bag(tmp_path / "a.bag", {"/gyro/sample": gyro, "/accel/sample": accel}, kind)
+    source = open_source(bag, topic="/gyro/sample", accel_topic="/accel/sample")
+    found = source.read()
+    assert source.notes[0].startswith("the accelerometers of topic '/accel/sample' were put on")
+    # Forward, left, up become right, forward, up; straight lines are interpolated exactly.
+    middle = found.time - 0.5 * found.dt
+    assert np.allclose(found.gyro, middle[:, None] * [-0.2, 0.1, 0.3], atol=1e-9)
+    assert np.allclose(found.accel[:, 1], 0.5 * (middle - 0.003), rtol=0, atol=1e-6)
+    assert source.assumed == []

@@ -328,6 +328,7 @@ def test_readers_lists_the_built_in(monkeypatch: pytest.MonkeyPatch) -> None:
     assert set(readers()) == {
         "parquet",
         "npz",
+        "npy",
         "mat",
         "ros",
         "ulog",

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from schuler.constants import DEG, MICRO_G
 from schuler.earth import Site, earth_rate
 from schuler.errors import InputError
-from schuler.record import ImuRecord
+from schuler.record import ImuRecord, Reading, check_record
 from schuler.record.summary import Summariser
 from tests.conftest import pieces
 
@@ -178,3 +178,95 @@ def test_gyros_and_accelerometers_that_do_not_share_axes():
     crossed = ImuRecord(record.time, record.dt, record.dtheta[:, [2, 0, 1]], record.dvel)
     (hint,) = summary_of(crossed).hints(SITE)
     assert "do the gyros and the accelerometers share their axes" in hint
+
+
+RATES = Reading("rates", "rad/s", "m/s^2")
+
+
+@pytest.mark.parametrize(
+    ("reading", "change", "words", "never"),
+    [
+        (RATES, {"accel": 1 / 9.80665}, "in g", "rates, not increments"),
+        (RATES, {"accel": 10.0}, "no usual unit fits", "not increments"),
+        (RATES, {"accel": 0.1}, "were increments over each interval, not rates", "in mg"),
+        (RATES, {"gyro": 180 / math.pi}, "in deg/s", "increments"),
+        (Reading("rates", "deg/s", "g"), {"accel": 9.80665}, "in m/s^2", "in mg"),
+        (Reading("rates", "deg/h", "mg"), {"gyro": 1 / 3600.0}, "in deg/s", "rad/s"),
+        (Reading("rates", "rad/s", "m/s^2", units_said=False), {"accel": 1 / 9.80665},
+         "in g (both units were assumed: say --gyro and --accel)", "increments"),
+        (Reading("increments", "rad", "m/s"), {"accel": 0.5},
+         "half of it, so a row's increments cover half the time", "unit"),
+        (Reading("increments", "rad", "m/s"), {"accel": 2.0}, "twice of it", "unit"),
+        (Reading("increments", "rad", "m/s"), {"accel": 1 / 9.80665}, "in g*s", "in mg"),
+        (Reading("increments", "rad", "m/s"), {"accel": 10.0},
+         "rates, not increments over each interval", "in g"),
+        (Reading("rates", "rad/s", "m/s^2", fixed=True), {"accel": 1 / 9.80665},
+         "the format fixes the unit", "it would fit"),
+        (Reading("rates", "rad/s", "m/s^2", fixed=True), {"gyro": 180 / math.pi},
+         "or columns are wrong", "it would fit"),
+    ],
+)  # fmt: skip
+def test_a_hint_fits_how_the_values_were_read(reading, change, words, never):
+    summary = summary_of(changed(standing(7200, rate=10.0), **change))
+    (hint,) = check_record(summary, reading, SITE)
+    assert words in hint
+    assert never not in hint
+
+
+def test_what_may_move_is_only_told_of_units():
+    summary = summary_of(changed(standing(600, rate=10.0), gyro=10.0, accel=1.02, axes=FRD))
+    assert check_record(summary, RATES, SITE, at_rest=False) == []
+    summary = summary_of(changed(standing(600, rate=10.0), accel=1 / 9.80665))
+    (hint,) = check_record(summary, RATES, at_rest=False)
+    assert "in g" in hint
+
+
+def turning(rate_deg_s, seconds=300, axis=(1.0, 0.3, 0.2), tremble=0.0):
+    """Return a record of a unit that turns all the time about an axis of its own."""
+    from scipy.spatial.transform import Rotation
+
+    rng = np.random.default_rng(5)
+    n, dt = seconds * 50, 0.02
+    t = dt * np.arange(1, n + 1)
+    unit = np.array(axis) / np.linalg.norm(axis)
+    w = np.outer(np.full(n, rate_deg_s * DEG), unit)
+    f = Rotation.from_rotvec(np.outer(rate_deg_s * DEG * t, unit)).inv().apply([0, 0, SITE.gravity])
+    f += tremble * rng.normal(size=(n, 3))
+    return ImuRecord(t, np.full(n, dt), w * dt, f * dt)
+
+
+@pytest.mark.parametrize("rate", [0.5, 5.0, 40.0, 400.0])
+def test_a_tumbling_unit_is_quiet_nowhere(rate):
+    summary = summary_of(turning(rate))
+    assert summary.turned
+    assert summary.quiet_seconds == 0.0
+    assert [s.disturbed for s in summary.stretches] == [True]
+    # At rest nowhere: nothing is said of axes and of the Earth's rate.
+    assert check_record(summary, RATES, SITE) == []
+
+
+def test_a_unit_that_is_picked_up_is_at_rest_before():
+    quiet, moved = standing(300, rate=50.0), turning(30.0)
+    both = ImuRecord.concatenate(
+        [quiet, ImuRecord(moved.time + quiet.end, moved.dt, moved.dtheta, moved.dvel)]
+    )
+    summary = summary_of(both)
+    assert not summary.turned
+    assert summary.quiet_seconds == pytest.approx(300.0, abs=31.0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_truck_with_its_crew_is_at_rest(seed):
+    from schuler.motion import DisturbedVehicle
+    from schuler.sensors import GRADES
+    from schuler.simulate import simulate
+
+    rng = np.random.default_rng(seed)
+    truck = DisturbedVehicle.draw(rng, 60.0, heading=123.0)
+    record = simulate(truck, SITE, 60.0, 50.0, GRADES["navigation-fog"], rng).record
+    assert not any(s.moved for s in summary_of(record).stretches)
+
+
+def test_a_wrong_unit_moves_nothing():
+    for change in ({"gyro": 180 / math.pi * 3600}, {"accel": 1 / 9.80665}, {"accel": 1e3}):
+        assert not summary_of(changed(standing(100), **change)).turned

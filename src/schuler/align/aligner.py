@@ -29,7 +29,7 @@ from schuler.attitude import nearest_quat
 from schuler.constants import ARCMIN
 from schuler.earth import Site
 from schuler.errors import InputError
-from schuler.record import ImuRecord, Summariser
+from schuler.record import ImuRecord, Reading, Summariser
 from schuler.sensors import ImuSpec, SensorArray, load_array, load_spec
 
 __all__ = ["Aligner", "align"]
@@ -64,6 +64,8 @@ class Aligner:
     array : SensorArray or str, optional
         Geometry of redundant gyros: records then have a column for each. The specification stays
         that of the fused triad.
+    reading : Reading, optional
+        How the values were read, so that no hint is given that cannot be true.
 
     Raises
     ------
@@ -79,6 +81,7 @@ class Aligner:
         *,
         at: str = "end",
         array: SensorArray | str | None = None,
+        reading: Reading | None = None,
     ) -> None:
         from schuler.kernels import tracking
 
@@ -94,6 +97,7 @@ class Aligner:
         self.spec = load_spec(spec)
         self.at = at
         self.array = None if array is None else load_array(array)
+        self.reading = reading
         self._tracking = tracking
         self._state = np.zeros(tracking.STATE_SIZE)
         self._state[2] = 1.0
@@ -249,7 +253,10 @@ class Aligner:
         """Filter what is held, and align the result as a record of its own."""
         assert self.method.prefilter is not None
         record = ImuRecord.concatenate(self._held, quality=self._held[-1].quality)
-        plain = Aligner(self.site, with_prefilter(self.method, None), self.spec, at=self.at)
+        plain = Aligner(
+            self.site, with_prefilter(self.method, None), self.spec, at=self.at,
+            reading=self.reading,
+        )  # fmt: skip
         fix = plain.update(self.method.prefilter(record)).solution()
         return replace(fix, method=with_prefilter(fix.method, self.method.prefilter))
 
@@ -269,7 +276,7 @@ class Aligner:
         h = self.history()
         summary = self._summariser.summary()
         gyro_bias = self.spec.gyro.bias if self.spec else 0.0
-        hints = summary.hints(self.site, gyro_bias)
+        hints = summary.hints(self.site, gyro_bias, self.reading)
         ratio = summary.steady_force(self.site.gravity) / self.site.gravity
         if hints and not 0.9 < ratio < 1.1:
             raise InputError(f"{self._name}: {hints[0]} (an alignment needs the force at rest)")

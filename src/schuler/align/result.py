@@ -118,6 +118,20 @@ class Alignment(Shown):
             inputs={**self.inputs, **inputs},
         )
 
+    def contradicted(self, texts: Iterable[str]) -> Alignment:
+        """Return the same result with contradictions from elsewhere: then there is no heading."""
+        added = tuple(texts)
+        if not added:
+            return self
+        # Of the heading nothing is known: the largest variance that is ever stated.
+        unknown = np.diag([0.0, 0.0, max(np.pi**2 / 3.0 - self.covariance[2, 2], 0.0)])
+        return replace(
+            self,
+            contradictions=(*added, *self.contradictions),
+            covariance=self.covariance + unknown,
+            budget={**self.budget, "contradiction": unknown},
+        )
+
     @property
     def time(self) -> float:
         """The instant of the attitude, s in the record's time."""
@@ -221,6 +235,7 @@ class Alignment(Shown):
             "accel_bias_ug": plain(self.accel_bias, MICRO_G),
             "accel_bias_sigma_ug": plain(None if sigma is None else sigma[3:], MICRO_G),
             "warnings": list(self.warnings),
+            "assumed": [v for k, v in self.inputs.items() if k.startswith("assumed ")],
         }
 
     def to_json(self) -> str:

@@ -101,6 +101,7 @@ def command(**options: Any) -> int:
         parse_prefilter,
         with_prefilter,
     )
+    from schuler.sensors import load_spec
 
     name, prefilter, spec, at = (options.pop(k) for k in ("method", "prefilter", "spec", "at"))
     calibration_from = options.pop("calibration")
@@ -120,7 +121,8 @@ def command(**options: Any) -> int:
         return _without_latitude(
             options, spec, at, (start, stop), (json_to, report_to), calibration_from
         )
-    source, finish = open_file(options, (math.inf if idle is None else idle) if follow else None)
+    wait = (math.inf if idle is None else idle) if follow else None
+    source, finish = open_file(options, wait, load_spec(spec))
     site = site_or_none(options, source)
     if site is None:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
@@ -135,7 +137,7 @@ def command(**options: Any) -> int:
         from schuler.calibrate.apply import Calibration
 
         calibration = Calibration.from_toml(calibration_from)
-    aligner = Aligner(site, method, spec, at=at)
+    aligner = Aligner(site, method, spec, at=at, reading=source.reading)
     windows: Windows | None = None
     if follow:
         fix = _follow(source, aligner, idle, calibration, quiet=json_to == "-")
@@ -235,7 +237,9 @@ def _with_source(
             for name, value in values.items():
                 inputs[f"{part} {name.replace('_', ' ')}"] = value
     inputs.update({f"note {k}": note for k, note in enumerate(source.notes, 1)})
-    return fix.noting(quality.warnings() if quality else (), inputs)
+    inputs.update({f"assumed {k}": text for k, text in enumerate(source.assumed, 1)})
+    found = quality.warnings() if quality else []
+    return fix.noting(found, inputs).contradicted(source.contradictions)
 
 
 def _print(fix: Alignment, windows: Windows | None) -> None:

@@ -8,6 +8,7 @@ import click
 
 from schuler.cli.command import Command, echo, wants_text
 from schuler.cli.common import (
+    Look,
     emit_json,
     file_options,
     json_option,
@@ -76,8 +77,9 @@ def command(**options: Any) -> None:
         from schuler.report.page import graph_objects
 
         graph_objects()  # a missing library is said before the work, too
+    look = Look(source)
     with progress(source, source.chunks(start=start, stop=stop)) as chunks:
-        found = allan(chunks, taus, kind)
+        found = allan(look.through(chunks), taus, kind)
     if wanted:
         found = found.select(wanted)
     fit: NoiseFit | None = None
@@ -101,7 +103,7 @@ def command(**options: Any) -> None:
     if wants_text():
         _print(found, fit)
     finish()
-    say_warnings(warnings)
+    say_warnings([*warnings, *look.notes(at_rest=False), *source.contradictions])
 
 
 def _times(text: str | None) -> list[float] | None:

@@ -9,11 +9,14 @@ import click
 
 from schuler.cli.command import Group, echo, wants_text
 from schuler.cli.common import (
+    Look,
     emit_json,
     file_options,
     json_option,
     open_file,
+    reading_options,
     report_option,
+    say_warnings,
     site_options,
     site_or_none,
 )
@@ -22,8 +25,11 @@ from schuler.cli.parameters import Count, InputFile, Number, OutputFile, Seconds
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from schuler.calibrate.poses import PosesFit
     from schuler.calibrate.systematic import SystematicFit
+    from schuler.io import Source
 
 __all__ = ["command"]
 
@@ -34,23 +40,20 @@ def command() -> None:
 
 
 @command.command("poses")
-@click.argument("files", type=InputFile(), nargs=-1, required=True, shell_complete=files)
+@click.argument(
+    "files", type=InputFile(sidecar=True), nargs=-1, required=True, shell_complete=files
+)
+@reading_options
+@site_options
 @click.option(
     "--gravity",
     type=Number(9.0, 10.5, unit="m/s^2"),
-    default=9.80665,
-    show_default=True,
     metavar="M/S^2",
-    help="At the place.",
+    help="At the place; else it follows from --lat (and --height).",
 )
-@click.option("--initial", type=Seconds(above=0.0), default="10s", show_default=True,
+@click.option("--initial", type=Seconds(0.5), default="1s", show_default=True,
               help="Rest at the start.")  # fmt: skip
 @click.option("--gyro-scale", metavar="UNIT", help="Of a count, roughly, as '0.01 deg/s'.")
-@click.option("--columns", metavar="NAMES", help="Of one file: as `schuler align` takes them.")
-@click.option("--gyro", metavar="UNIT", help="Of one file.")
-@click.option("--accel", metavar="UNIT", help="Of one file.")
-@click.option("--axes", metavar="XYZ", help="Of one file.")
-@click.option("--mapping", type=InputFile(), metavar="TOML", help="Of one file.")
 @click.option(
     "--out",
     type=OutputFile(".toml"),
@@ -63,58 +66,99 @@ def poses(**options: Any) -> None:
     """Calibrate from an instrument put down by hand in many poses.
 
     FILES: one record with gyros and accelerometers, or two tables of time and three counts:
-    accelerometers, then gyros.
+    accelerometers, then gyros. Six poses (each axis up and down) show bias and scale, ten or more
+    the axes as well. Gravity at the place is the scale: say --lat, or --gravity.
 
     \b
-      schuler calibrate poses bench.csv --gyro deg/s --accel g --out mine.toml
-      schuler calibrate poses acc.mat gyro.mat --gyro-scale "0.01 deg/s" --initial 50s --json -
+      schuler calibrate poses bench.csv --gyro deg/s --accel g --lat 48.1 --out mine.toml
+      schuler calibrate poses acc.mat gyro.mat --gyro-scale "0.01 deg/s" --gravity 9.8066 --json -
     """  # noqa: D301
     from schuler.calibrate import calibrate_poses
     from schuler.units import parse
 
-    files = options["files"]
+    files, scale = options.pop("files"), options.pop("gyro_scale")
+    out, json_to, report_to = (options.pop(key) for key in ("out", "json_to", "report_to"))
     if len(files) > 2:
         raise InputError(f"poses takes one record or two tables, got {len(files)} files")
-    if options["report_to"] is not None:
+    if report_to is not None:
         from schuler.report.page import graph_objects
 
         graph_objects()
-    name = Path(files[0]).stem
-    common = {"gravity": options["gravity"], "initial": options["initial"], "name": name}
+    given, initial = options.pop("gravity"), options.pop("initial")
+    common: dict[str, Any] = {"initial": initial, "name": Path(files[0]).stem}
+    warnings: list[str] = []
+    finish: Callable[..., None] | None = None
     if len(files) == 1:
-        from schuler.io import read
-
-        if options["gyro_scale"] is not None:
+        if scale is not None:
             raise InputError("--gyro-scale goes with two tables of counts")
-        said = {k: options[k] for k in ("columns", "gyro", "accel", "axes") if options[k]}
-        record = read(files[0], options["mapping"], **said)
-        fit = calibrate_poses(record.time, record.accel, record.gyro, **common)
+        start, stop = options.pop("start"), options.pop("stop")
+        source, finish = open_file({**options, "file": files[0]})
+        gravity, said = _gravity(given, options, source)
+        record = source.read(start=start, stop=stop)
+        warnings += source.quality.warnings() if source.quality else []
+        fit = calibrate_poses(record.time, record.accel, record.gyro, gravity=gravity, **common)
+        look = Look(source)
+        # By hand the force is gravity on average, whichever way it points.
+        for _ in look.through([record]):
+            warnings += look.notes(at_rest=False)
     else:
         import numpy as np
 
+        unused = [key for key in _READING if options.get(key) not in (None, False)]
+        if unused:
+            raise InputError(
+                f"--{unused[0].replace('_', '-')} goes with one record; two tables hold time and "
+                "three counts each"
+            )
+        gravity, said = _gravity(given, options, None)
         accel, gyro = (_table(path) for path in files)
         if len(accel) != len(gyro) or np.abs(accel[:, 0] - gyro[:, 0]).max() > 0.005:
             raise InputError(
                 f"{files[0]} and {files[1]} do not tell of the same instants: expected the same "
                 "times in both"
             )
-        scale = options["gyro_scale"]
         if scale is None:
             raise InputError("say roughly what a count of the gyros is: --gyro-scale '0.01 deg/s'")
         fit = calibrate_poses(
-            accel[:, 0], accel[:, 1:], gyro[:, 1:], counts=True,
+            accel[:, 0], accel[:, 1:], gyro[:, 1:], counts=True, gravity=gravity,
             gyro_scale=parse(scale, "angular rate", "--gyro-scale"), **common,
         )  # fmt: skip
-    if options["out"] is not None:
-        fit.calibration.to_toml(options["out"])
-    if options["json_to"] is not None:
-        emit_json(_poses_json(fit), options["json_to"])
-    if options["report_to"] is not None:
+    if out is not None:
+        fit.calibration.to_toml(out)
+    if json_to is not None:
+        emit_json(_poses_json(fit, said), json_to)
+    if report_to is not None:
         from schuler.report.calibrate import poses_report
 
-        poses_report(fit, options["report_to"])
+        poses_report(fit, report_to)
     if wants_text():
-        _print_poses(fit)
+        _print_poses(fit, said)
+    if finish is not None:
+        finish()
+    say_warnings([*warnings, *fit.remarks])
+
+
+#: options that say how one record is read
+_READING = (
+    "columns", "gyro", "accel", "time", "axes", "mean_rates", "rate", "start_time", "array",
+    "delimiter", "comment", "decimal", "skip_rows", "header", "variables", "format", "topic",
+    "imu_type", "mapping", "save_mapping", "max_gap", "start", "stop", "accel_file", "accel_topic",
+)  # fmt: skip
+
+
+def _gravity(given: float | None, options: dict[str, Any], source: Source | None) -> Any:
+    """Return gravity at the place, and where it is from."""
+    if given is not None:
+        if options["lat"] is not None:
+            raise InputError("gravity is given by --gravity or follows from --lat, not both")
+        return given, "as given"
+    site = site_or_none(dict(options), source)
+    if site is None:
+        raise InputError(
+            "gravity at the place is the scale of the accelerometers: say --lat (and --height), "
+            "or --gravity"
+        )
+    return site.gravity, f"normal gravity at latitude {site.lat:g} deg, height {site.height:g} m"
 
 
 def _table(path: str) -> Any:
@@ -141,7 +185,7 @@ def _table(path: str) -> Any:
     return data
 
 
-def _poses_json(fit: PosesFit) -> dict[str, Any]:
+def _poses_json(fit: PosesFit, gravity_from: str) -> dict[str, Any]:
     import numpy as np
 
     c = fit.calibration
@@ -151,6 +195,8 @@ def _poses_json(fit: PosesFit) -> dict[str, Any]:
         "input": c.input,
         "poses": len(fit.dwells),
         "used": int(fit.used.sum()),
+        "gravity_m_s2": fit.gravity,
+        "gravity_from": gravity_from,
         "residual_rms_m_s2": fit.rms,
         "residual_m_s2": fit.residual.tolist(),
         "accel": {"bias": c.accel_bias.tolist(), "matrix": c.accel_matrix.tolist(),
@@ -160,6 +206,7 @@ def _poses_json(fit: PosesFit) -> dict[str, Any]:
         "turn_error_rms_deg": None,
         "turn_error_before_rms_deg": None,
         "unseen": fit.unseen,
+        "remarks": list(fit.remarks),
     }  # fmt: skip
     if turns:
         out["gyro"] = {"bias": c.gyro_bias.tolist(), "matrix": c.gyro_matrix.tolist(),
@@ -170,13 +217,14 @@ def _poses_json(fit: PosesFit) -> dict[str, Any]:
     return out
 
 
-def _print_poses(fit: PosesFit) -> None:
+def _print_poses(fit: PosesFit, gravity_from: str) -> None:
     import numpy as np
 
     c = fit.calibration
     echo(f"{len(fit.dwells)} poses, {int(fit.used.sum())} used; |f| - gravity "
                f"{1e3 * fit.rms:.3f} mm/s^2 rms, {1e3 * np.abs(fit.residual[fit.used]).max():.3f} "
                "largest")  # fmt: skip
+    echo(f"gravity {fit.gravity:.6f} m/s^2, {gravity_from}")
     unit = "counts" if c.input == "counts" else "m/s^2"
     for k, axis in enumerate("xyz"):
         row = "  ".join(f"{v:12.6g}" for v in c.accel_matrix[k])
@@ -228,7 +276,8 @@ def systematic(**options: Any) -> None:
     site = site_or_none(options, source)
     if site is None:
         raise InputError("the navigator needs its place: say --lat (and --height)")
-    record = ImuRecord.concatenate(list(source.chunks(start=begin, stop=end)))
+    look = Look(source)
+    record = ImuRecord.concatenate(list(look.through(source.chunks(start=begin, stop=end))))
     aligner = Aligner(site, None, spec, at="start")
     aligner.update(record.between(stop=record.start + rest))
     fix = aligner.solution()
@@ -259,6 +308,7 @@ def systematic(**options: Any) -> None:
     if wants_text():
         _print_systematic(fit)
     finish()
+    say_warnings([*look.notes(site, at_rest=False), *source.contradictions])
 
 
 def _print_systematic(fit: SystematicFit) -> None:

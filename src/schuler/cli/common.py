@@ -12,20 +12,23 @@ import click
 
 from schuler.cli.command import echo
 from schuler.cli.completion import files
-from schuler.cli.parameters import InputFile, Number, OutputFile, Seconds
+from schuler.cli.parameters import InputFile, Number, OutputFile, RecordTime, Seconds
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.earth import Site
     from schuler.io import Source
     from schuler.record import ImuRecord
+    from schuler.sensors import ImuSpec
 
 __all__ = [
+    "Look",
     "emit_json",
     "file_options",
     "json_option",
     "open_file",
     "progress",
+    "reading_options",
     "report_option",
     "say_warnings",
     "site_options",
@@ -37,7 +40,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 _MAPPING_KEYS = (
     "columns", "gyro", "accel", "time", "mean_rates", "axes", "rate", "start_time",
     "coning_corrected", "sculling_corrected", "array", "delimiter", "comment", "decimal",
-    "skip_rows", "header", "variables", "format", "topic", "imu_type",
+    "skip_rows", "header", "variables", "format", "topic", "imu_type", "accel_file", "accel_topic",
 )  # fmt: skip
 
 
@@ -50,10 +53,9 @@ def _stack(options: list[Callable[[Any], Any]]) -> Callable[[F], F]:
     return decorate
 
 
-#: the file and everything that says what is in it
-file_options = _stack(
+#: everything that says what is in a file
+reading_options = _stack(
     [
-        click.argument("file", type=InputFile(sidecar=True), shell_complete=files),
         click.option(
             "--columns", metavar="NAMES",
             help="Columns for t,gx,gy,gz,ax,ay,az: names, numbers from 1, or _ to pass one over.",
@@ -123,10 +125,29 @@ file_options = _stack(
             help="Write what was said into FILE.toml, so that it is typed once.",
         ),
         click.option("--max-gap", type=Seconds(0.0), help="Longest gap that is bridged."),
-        click.option("--start", type=Seconds(), help="Use the record from this time on."),
-        click.option("--stop", type=Seconds(), help="Use the record up to this time."),
+        click.option(
+            "--accel-file", type=InputFile(), metavar="FILE",
+            help="The accelerometers, where FILE holds the gyros alone; joined on their clock.",
+        ),
+        click.option(
+            "--accel-topic", metavar="NAME",
+            help="The accelerometers' topic, where --topic holds the gyros alone.",
+        ),
+        click.option(
+            "--start", type=RecordTime(),
+            help="Use the record from this time on: 100s by its clock, +60s from its first row.",
+        ),
+        click.option(
+            "--stop", type=RecordTime(), help="Use the record up to this time, said likewise.",
+        ),
     ]
 )  # fmt: skip
+
+
+def file_options(function: F) -> F:
+    """Add the file, and everything that says what is in it."""
+    argument = click.argument("file", type=InputFile(sidecar=True), shell_complete=files)
+    return argument(reading_options(function))
 
 
 def json_option(text: str = "Write the result as JSON (- : here).") -> Callable[[F], F]:
@@ -167,14 +188,15 @@ site_options = _stack(
 
 
 def open_file(
-    options: dict[str, Any], wait: float | None = None
-) -> tuple[Source, Callable[[], None]]:
+    options: dict[str, Any], wait: float | None = None, spec: ImuSpec | None = None
+) -> tuple[Source, Callable[..., None]]:
     """Open the file of `file_options`, taking its options out of the dictionary.
 
     Returns
     -------
     Source, callable
-        The second saves the mapping where that is asked for; call it once all has gone well.
+        The second says what was assumed and noted, and saves the mapping where that is asked for;
+        call it once all has gone well, with ``notes=False`` where they are shown already.
     """
     from schuler.io import Mapping, open_source
 
@@ -185,9 +207,15 @@ def open_file(
     given = (base or Mapping()).merged(Mapping.from_cli(**said))
     if save and str(path) == "-":
         raise InputError("--save-mapping: standard input has no place to save it beside")
-    source = open_source(path, given, max_gap=options.pop("max_gap"), wait=wait)
+    bias = None if spec is None else spec.gyro.bias
+    source = open_source(path, given, max_gap=options.pop("max_gap"), wait=wait, gyro_bias=bias)
 
-    def finish() -> None:
+    def finish(notes: bool = True) -> None:
+        # After the work: an error is one sentence.
+        if source.assumed:
+            echo(f"note: assumed: {'; '.join(source.assumed)}", err=True)
+        for note in source.notes if notes else ():
+            echo(f"note: {note}", err=True)
         if save:
             sidecar = Path(f"{path}.toml")
             before = Mapping.from_toml(sidecar) if sidecar.is_file() else Mapping()
@@ -241,6 +269,38 @@ def progress(source: Source, chunks: Iterable[ImuRecord]) -> Iterator[Iterator[I
                 bar.update(task, completed=source.progress)
 
         yield watched()
+
+
+class Look:
+    """Looks at the samples that a command reads, for the check that all commands share.
+
+    Parameters
+    ----------
+    source : Source
+    """
+
+    def __init__(self, source: Source) -> None:
+        from schuler.record import Summariser
+
+        self._source = source
+        self._summariser = Summariser()
+        self._taken = False
+
+    def through(self, chunks: Iterable[ImuRecord]) -> Iterator[ImuRecord]:
+        """Pass chunks on, and look at each."""
+        for chunk in chunks:
+            self._summariser.push(chunk)
+            self._taken = True
+            yield chunk
+
+    def notes(self, site: Site | None = None, *, at_rest: bool = True) -> list[str]:
+        """Return what gravity and the Earth's rate say against units and axes."""
+        from schuler.record import check_record
+
+        if not self._taken:
+            return []
+        summary = self._summariser.summary()
+        return check_record(summary, self._source.reading, site, at_rest=at_rest)
 
 
 def emit_json(data: dict[str, Any], target: str) -> None:

@@ -9,6 +9,7 @@ import click
 
 from schuler.cli.command import Command, echo, wants_text
 from schuler.cli.common import (
+    Look,
     emit_json,
     file_options,
     json_option,
@@ -76,8 +77,9 @@ def command(**options: Any) -> None:
         names = [m.strip() for m in (methods or "auto").split(",")]
         filters = [p.strip() for p in (prefilters or "none").split(",")]
         pairs = tuple((m, p) for p in filters for m in names)
+    look = Look(source)
     with progress(source, source.chunks(start=start, stop=stop)) as chunks:
-        record = ImuRecord.concatenate(list(chunks), quality=source.quality)
+        record = ImuRecord.concatenate(list(look.through(chunks)), quality=source.quality)
 
     def show(text: str) -> None:
         click.echo(f"\r\x1b[K{text}", err=True, nl=False)
@@ -96,4 +98,4 @@ def command(**options: Any) -> None:
     if wants_text():
         echo(str(found))
     finish()
-    say_warnings(source.notes)
+    say_warnings([*look.notes(site), *source.contradictions])

@@ -46,14 +46,18 @@ def command(**options: Any) -> None:
             summariser.push(chunk)
     summary = summariser.summary()
     quality = source.quality
-    warnings = [*(quality.warnings() if quality else ()), *summary.hints(site)]
+    warnings = list(quality.warnings()) if quality else []
+    warnings += [*_moving(summary), *summary.hints(site, reading=source.reading)]
+    warnings += source.contradictions
     if json_to is not None:
         data = {
             **summary.to_dict(site),
             "file": str(source.path),
             "format": source.format,
             "read_as": source.meaning,
+            "assumed": list(source.assumed),
             "notes": list(source.notes),
+            "contradictions": list(source.contradictions),
             "jitter_rms_s": quality.jitter_rms if quality else 0.0,
             "gaps": quality.gaps if quality else 0,
             "longest_gap_s": quality.longest_gap if quality else 0.0,
@@ -63,12 +67,26 @@ def command(**options: Any) -> None:
         emit_json(data, json_to)
     if wants_text():
         _print(source, summary, site)
-    finish()
+    finish(notes=False)
     say_warnings(warnings)
+
+
+def _moving(summary: Summary) -> list[str]:
+    """Say that a unit which moves all the time is no unit at rest."""
+    if not summary.turned:
+        return []
+    return [
+        "the unit turns or accelerates all the time: it is at rest nowhere, so gravity and the "
+        "Earth's rate say little of its units and nothing of its axes"
+    ]
 
 
 def _print(source: Source, summary: Summary, site: Any) -> None:
     from schuler.constants import STANDARD_GRAVITY
+    from schuler.units import time_text
+
+    def _short(seconds: float) -> str:
+        return f"{seconds:.6g}" if abs(seconds) < 1e6 else time_text(seconds)
 
     d: Any = summary.to_dict(site)
     q = source.quality
@@ -79,7 +97,7 @@ def _print(source: Source, summary: Summary, site: Any) -> None:
         ("file", f"{source.path} ({source.format})"),
         ("read as", source.meaning),
         *(("note", note) for note in source.notes),
-        ("samples", f"{time['samples']}, {time['start']:.9g} to {time['end']:.9g} s "
+        ("samples", f"{time['samples']}, {time_text(time['start'])} to {time_text(time['end'])} s "
                     f"({time['duration_s']:.6g} s)"),
         ("rate", f"{time['rate_hz']:.6g} Hz, jitter {1e3 * (q.jitter_rms if q else 0):.3g} ms rms"),
         ("mean |f|", f"{d['mean_force_norm_m_s2']:.6f} m/s^2 "
@@ -94,7 +112,7 @@ def _print(source: Source, summary: Summary, site: Any) -> None:
                   "rounding included)"),
         ("quiet", f"{d['quiet_s']:.6g} s of {time['duration_s']:.6g} s"),
         *(
-            ("disturbed", f"{s['start']:.6g} to {s['end']:.6g} s")
+            ("disturbed", f"{_short(s['start'])} to {_short(s['end'])} s")
             for s in d["stretches"] if s["disturbed"]
         ),
     ]  # fmt: skip

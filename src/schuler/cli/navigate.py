@@ -9,6 +9,7 @@ import click
 from schuler import __version__
 from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
 from schuler.cli.common import (
+    Look,
     emit_json,
     file_options,
     json_option,
@@ -133,8 +134,9 @@ def command(**options: Any) -> int:
 
     fix: Alignment | None = None
     navigator: Navigator | None = None
+    look = Look(source)
     with progress(source, source.chunks(start=start, stop=stop)) as chunks:
-        flow = chunks
+        flow = look.through(chunks)
         if align_for is not None:
             fix, flow = _align(flow, site, align_for, spec)
         begin = _start(site, angles, velocity, fix)
@@ -158,11 +160,14 @@ def command(**options: Any) -> int:
             echo(fix.headline())
         _print(path, evaluation)
     finish()
-    say_warnings(source.quality.warnings() if source.quality else ())
-    if fix is None:
-        return 0
-    say_warnings(f"alignment: {text}" for text in fix.warnings)
-    return 0 if fix.consistent else CONTRADICTED
+    warnings = list(source.quality.warnings()) if source.quality else []
+    # A vehicle that moves still has gravity's force on average.
+    say_warnings([*warnings, *look.notes(site, at_rest=False), *source.contradictions])
+    contradicted = bool(source.contradictions)
+    if fix is not None:
+        say_warnings(f"alignment: {text}" for text in fix.warnings)
+        contradicted |= not fix.consistent
+    return CONTRADICTED if contradicted else 0
 
 
 def _velocity(text: str | None) -> tuple[float, float, float]:
@@ -219,6 +224,7 @@ def _data(
         "schuler": __version__,
         "file": str(source.path),
         "read_as": source.meaning,
+        "assumed": list(source.assumed),
         "gravity": navigator.gravity.model,
         "vertical": navigator.vertical.mode,
         "start": begin,

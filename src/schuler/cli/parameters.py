@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-__all__ = ["Count", "InputFile", "Number", "OutputFile", "Seconds"]
+__all__ = ["Count", "InputFile", "Number", "OutputFile", "RecordTime", "Seconds"]
 
 
 class _File(click.ParamType):  # type: ignore[type-arg]
@@ -106,6 +106,27 @@ class Seconds(click.ParamType):  # type: ignore[type-arg]
             self.fail(f"{_expected('time', self.low, self.high, ' s')}, got {number:g} s",
                       param, ctx)  # fmt: skip
         return number
+
+
+class RecordTime(click.ParamType):  # type: ignore[type-arg]
+    """An instant of a record: ``100s`` of the file's time, ``+60s`` from its first row, or a date.
+
+    The text is checked here and passed on, as `schuler.io.Source.chunks` takes it.
+    """
+
+    name = "time"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> str:
+        """Return the text."""
+        from schuler.errors import InputError
+        from schuler.io.span import parse_record_time
+
+        label = param.opts[0] if param is not None else "time"
+        try:
+            parse_record_time(str(value), label)
+        except InputError as error:
+            self.fail(str(error).removeprefix(f"{label}: "), param, ctx)
+        return str(value)
 
 
 class Number(click.ParamType):  # type: ignore[type-arg]

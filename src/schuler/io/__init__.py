@@ -12,12 +12,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from schuler.errors import InputError
 from schuler.io.content import Content, Reader
 from schuler.io.frames import from_pandas, from_pyins, from_xarray, to_pyins
 from schuler.io.mapping import Mapping
 from schuler.io.registry import readers, register
 from schuler.io.source import Source
+from schuler.io.span import Span
 from schuler.io.write import write
 from schuler.record import ImuRecord
 
@@ -44,6 +44,7 @@ def open_source(
     *,
     max_gap: float | None = None,
     wait: float | None = None,
+    gyro_bias: float | None = None,
     **mapping_overrides: Any,
 ) -> Source:
     """Open a file and settle what its numbers mean, without reading them.
@@ -59,6 +60,8 @@ def open_source(
         Longest gap that is bridged, s; six and a half sampling intervals when not given.
     wait : float, optional
         How long to wait for the first row of a text file that has only begun to grow, s.
+    gyro_bias : float, optional
+        What a gyro's bias may be (1 sigma, rad/s): the gyros of an array may differ by that.
     **mapping_overrides
         Single fields of `Mapping`, which win over `mapping`: ``gyro="deg/s"``, ``axes="FRD"``.
 
@@ -76,15 +79,15 @@ def open_source(
         mapping = Mapping.from_toml(mapping)
     if mapping_overrides:
         mapping = (mapping or Mapping()).merged(Mapping.from_cli(**mapping_overrides))
-    return Source(path, mapping, max_gap=max_gap, wait=wait)
+    return Source(path, mapping, max_gap=max_gap, wait=wait, gyro_bias=gyro_bias)
 
 
 def read(
     path: str | Path,
     mapping: Mapping | str | Path | None = None,
     *,
-    start: float | None = None,
-    stop: float | None = None,
+    start: float | str | None = None,
+    stop: float | str | None = None,
     max_gap: float | None = None,
     **mapping_overrides: Any,
 ) -> ImuRecord:
@@ -94,8 +97,9 @@ def read(
     ----------
     path, mapping, max_gap, **mapping_overrides
         As for `open_source`.
-    start, stop : float, optional
-        Read only this stretch of the file's own time, s; rows outside are not checked.
+    start, stop : float or str, optional
+        Read only this stretch of the file's own time, s; rows outside are not checked. With a
+        plus, ``"+60s"``, it counts from the first row.
 
     Returns
     -------
@@ -108,7 +112,6 @@ def read(
         If the file cannot be opened or understood, or a row cannot be used: one sentence with
         the file, the row, its time and what to do.
     """
-    if start is not None and stop is not None and not start < stop:
-        raise InputError(f"start ({start:g} s) must be before stop ({stop:g} s)")
+    Span.of(start, stop)  # a bad one is said before the file is opened
     source = open_source(path, mapping, max_gap=max_gap, **mapping_overrides)
     return source.read(start=start, stop=stop)

@@ -12,11 +12,25 @@ from schuler.io.columns import choose
 from schuler.io.content import BLOCK_ROWS, Array, Block, Content
 from schuler.io.mapping import Mapping
 
-__all__ = ["from_arrays"]
+__all__ = ["from_arrays", "holds_samples"]
 
 _TIME = ("t", "time", "timestamp", "timestamps", "times")
 _GYRO = ("gyro", "gyr", "gyroscope", "omega", "w", "wb", "angular_rate", "angular_velocity")
 _ACCEL = ("accel", "acc", "accelerometer", "f", "fb", "acceleration", "specific_force")
+
+
+_RATE = ("freq", "fs", "rate", "samplerate", "sample_rate", "frequency")
+
+
+def _usual(name: str, names: Sequence[str]) -> bool:
+    """Say whether a name, that of a structure's field without the structure's, is one of some."""
+    return name.rpartition(".")[2].lower() in names
+
+
+def holds_samples(names: Sequence[str]) -> bool:
+    """Say whether arrays of these names are enough for a record."""
+    own = {"dtheta", "dvel"} <= set(names)
+    return own or all(any(_usual(n, some) for n in names) for some in (_GYRO, _ACCEL))
 
 
 def from_arrays(names: Sequence[str], load: Callable[[str], Any], mapping: Mapping) -> Content:
@@ -52,7 +66,7 @@ def from_arrays(names: Sequence[str], load: Callable[[str], Any], mapping: Mappi
         steps = "dt" if "dt" in names else None
     for key, usual in (("gyro", _GYRO), ("accel", _ACCEL), ("time", _TIME)):
         if key not in v:
-            hits = [name for name in names if name.lower() in usual]
+            hits = [name for name in names if _usual(name, usual)]
             if len(hits) > 1:
                 raise InputError(
                     f"the arrays {', '.join(hits)} could all be the {key}; say which with "
@@ -60,11 +74,18 @@ def from_arrays(names: Sequence[str], load: Callable[[str], Any], mapping: Mappi
                 )
             if hits:
                 v[key] = hits[0]
+    if mapping.sensor is not None and mapping.sensor in v:
+        # The other sensor's three are put in their place later.
+        v.setdefault("accel" if mapping.sensor == "gyro" else "gyro", v[mapping.sensor])
     if "gyro" not in v and "accel" not in v:
         tables = []
         for name in names:
             array = load(name)
-            if np.ndim(array) == 2 and min(np.shape(array)) >= 6 and np.asarray(array).size:
+            if (
+                np.ndim(array) == 2
+                and min(np.shape(array)) >= len(mapping.roles) - 1
+                and np.asarray(array).size
+            ):
                 tables.append(name)
         if len(tables) == 1:
             return _matrix(tables[0], _numbers(tables[0], load), mapping)
@@ -81,9 +102,11 @@ def from_arrays(names: Sequence[str], load: Callable[[str], Any], mapping: Mappi
     if len(accel) != n:
         raise InputError(f"'{v['gyro']}' has {n} rows, but '{v['accel']}' has {len(accel)}")
     time = None
+    if "time" not in v and mapping.rate is None:
+        said = said.merged(_rate(names, load))
     if "time" in v and (mapping.rate is None or (mapping.variables or {}).get("time")):
         time = _line(v["time"], _numbers(v["time"], load), n)
-    elif mapping.rate is None:
+    elif mapping.rate is None and said.rate is None:
         raise InputError(
             "there is no time array: name it with --variables time=NAME, or give the rate with "
             "--rate"
@@ -91,6 +114,17 @@ def from_arrays(names: Sequence[str], load: Callable[[str], Any], mapping: Mappi
     dt = None if steps is None or mapping.rate else _line(steps, _numbers(steps, load), n)
     columns = [*gyro.T, *accel.T]
     return _content(time, columns, dt, said, f"array '{v.get('time', '')}'")
+
+
+def _rate(names: Sequence[str], load: Callable[[str], Any]) -> Mapping:
+    """Return the rate, where one array holds it."""
+    hits = [name for name in names if _usual(name, _RATE)]
+    if len(hits) != 1:
+        return Mapping()
+    value = _numbers(hits[0], load)
+    if value.size != 1 or not np.isfinite(value).all() or not value.item() > 0:
+        return Mapping()
+    return Mapping(rate=float(value.item()))
 
 
 def _matrix(name: str, table: Array, mapping: Mapping) -> Content:
@@ -122,7 +156,10 @@ def _content(
                 None if dt is None else dt[part],
             )
 
-    return Content(blocks=blocks, said=said, time_label=label, rows=n, progress=lambda: done[0] / n)
+    return Content(
+        blocks=blocks, said=said, time_label=label, rows=n, progress=lambda: done[0] / n,
+        stamps=None if time is None else time[:4096],
+    )  # fmt: skip
 
 
 def _numbers(name: str, load: Callable[[str], Any]) -> Array:

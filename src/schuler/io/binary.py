@@ -9,10 +9,14 @@ import numpy as np
 
 from schuler.errors import InputError
 from schuler.io.columns import choose
-from schuler.io.content import BLOCK_ROWS, Block, Content
+from schuler.io.content import BLOCK_ROWS, Array, Block, Content
 from schuler.io.mapping import Mapping
 
 __all__ = ["BinaryReader"]
+
+
+#: rows by whose stamps their unit is found
+_STAMPS = 4096
 
 
 class BinaryReader:
@@ -64,6 +68,14 @@ class BinaryReader:
         return Content(
             blocks=blocks,
             time_label=chosen.t_label,
+            stamps=_first_stamps(path, width, chosen.t),
             rows=rows,
             progress=lambda: done[0] / max(1, rows),
         )
+
+
+def _first_stamps(path: Path, width: int, t: int | None) -> Array | None:
+    if t is None:
+        return None
+    table = np.fromfile(path, "<f8", _STAMPS * width)
+    return np.asarray(table[: len(table) // width * width].reshape(-1, width)[:, t])

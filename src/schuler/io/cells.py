@@ -11,6 +11,7 @@ import numpy as np
 from schuler.errors import InputError, shown
 from schuler.io.content import Array
 from schuler.io.dialect import NUMBER, Dialect, split
+from schuler.io.instants import InstantError, is_instant, seconds_of
 
 __all__ = ["Cells", "LineError"]
 
@@ -41,10 +42,13 @@ class Cells:
         The table's layout.
     columns : tuple of int
         Which columns to convert, from 0.
+    instants : tuple of int
+        Those of them that hold dates or times of day, which become seconds.
     """
 
     dialect: Dialect
     columns: tuple[int, ...]
+    instants: tuple[int, ...] = ()
     _repairs: bool = False
 
     def parse(self, block: bytes) -> dict[int, Array]:
@@ -67,7 +71,10 @@ class Cells:
         read = csv.ReadOptions(column_names=names, block_size=1 << 20)
         parse = csv.ParseOptions(delimiter=d.delimiter, quote_char='"' if d.quoted else False)
         convert = csv.ConvertOptions(
-            column_types={name: pa.float64() for name in wanted},
+            column_types={
+                name: pa.string() if int(name) in self.instants else pa.float64() for name in wanted
+            },
+            strings_can_be_null=True,
             include_columns=wanted,
             null_values=_NULLS,
             decimal_point=d.decimal,
@@ -86,7 +93,15 @@ class Cells:
                 if not clean.strip():
                     return {i: np.empty(0) for i in self.columns}
                 continue
-            return {i: _numbers(table.column(str(i))) for i in self.columns}
+            try:
+                return {i: self._values(i, table.column(str(i))) for i in self.columns}
+            except InstantError:
+                raise self._diagnose(block, "a time cannot be read") from None
+
+    def _values(self, i: int, column: Any) -> Array:
+        if i in self.instants:
+            return seconds_of(column.to_pylist())
+        return np.asarray(column.to_numpy(), np.float64)
 
     def _clean(self, block: bytes) -> bytes:
         """Leave only rows, with one mark between cells."""
@@ -117,16 +132,27 @@ class Cells:
                 )
             for j in self.columns:
                 cell = cells[j]
+                if j in self.instants:
+                    if cell and not is_instant(cell):
+                        return LineError(
+                            i,
+                            f"column {self._label(j)}: '{shown(cell[:40])}' is no date and time "
+                            "like those above it; repair the cell, or give --rate",
+                        )
+                    continue
                 if d.decimal == ",":
                     cell = cell.replace(",", ".") if "." not in cell else "."
                 if not NUMBER.fullmatch(cell):
-                    label = f"'{shown(d.names[j])}'" if d.names else str(j + 1)
                     return LineError(
                         i,
-                        f"column {label}: '{shown(cells[j][:40])}' is not a number; "
+                        f"column {self._label(j)}: '{shown(cells[j][:40])}' is not a number; "
                         "repair the cell or leave it empty",
                     )
         return LineError(0, f"and those after it cannot be parsed ({reason[:120]})")
+
+    def _label(self, j: int) -> str:
+        names = self.dialect.names
+        return f"'{shown(names[j])}'" if names else str(j + 1)
 
 
 def _repaired(block: bytes) -> bytes:
@@ -151,8 +177,3 @@ def _single_blanks(block: bytes) -> bytes:
     if drop.any():
         a = np.append(a[:1], a[1:][~drop])
     return a.tobytes().lstrip(b" ")
-
-
-def _numbers(column: Any) -> Array:
-    values = column.to_numpy()
-    return np.asarray(values, np.float64)

@@ -2,38 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from schuler.errors import InputError
 from schuler.io.mapping import SKIP, Mapping
+from schuler.io.names import axes_mark, read_name, second_part, split_unit, time_rank
 
 __all__ = ["Chosen", "choose", "split_unit"]
 
-_BRACKETS = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*")
-
-_STEMS = {
-    "g": ("g", "gyr", "gyro", "gyroscope", "w", "omega", "angularvelocity", "angularrate"),
-    "a": ("a", "acc", "accel", "accelerometer", "acceleration", "linearacceleration", "f",
-          "force", "specificforce"),
-}  # fmt: skip
-_INCREMENT_STEMS = {
-    "g": ("dtheta", "dang", "deltaangle", "deltatheta"),
-    "a": ("dvel", "dv", "deltav", "deltavelocity"),
-}
-_TIMES = ("t", "time", "times", "timestamp", "sec", "seconds", "tow")
-_ALIASES: dict[str, str] = dict.fromkeys(_TIMES, "t")
-_INCREMENTS: set[str] = set()
-for _sensor in "ga":
-    for _axis in "xyz":
-        for _stem in _STEMS[_sensor]:
-            _ALIASES[_stem + _axis] = _sensor + _axis
-        for _stem in _INCREMENT_STEMS[_sensor]:
-            _ALIASES[_stem + _axis] = _sensor + _axis
-            _INCREMENTS.add(_stem + _axis)
-_GYROS = (*_STEMS["g"], *_INCREMENT_STEMS["g"])
-_NUMBERED = re.compile(r"([a-z]+)(\d{1,2})")
 _WORDS = {6: "six", 7: "seven"}
 
 
@@ -53,6 +30,12 @@ class Chosen:
         Units from bracketed names, or from names that can only be increments.
     t_label : str
         How to speak of the time column.
+    t_part : int or None
+        A second column of time, where it is in two.
+    t_part_unit : float
+        Its unit, s.
+    mark : (str, str) or None
+        The axes that the names are a mark of, and whose names they are.
     """
 
     t: int | None
@@ -62,32 +45,19 @@ class Chosen:
     accel: str | None = None
     time: str | None = None
     t_label: str = ""
+    t_part: int | None = None
+    t_part_unit: float = 1.0
+    mark: tuple[str, str] | None = None
 
     @property
     def all(self) -> tuple[int, ...]:
         """The columns to read, each once, in the file's order."""
-        extra = [c for c in (self.t, self.dt) if c is not None]
+        extra = [c for c in (self.t, self.dt, self.t_part) if c is not None]
         return tuple(sorted({*self.values, *extra}))
 
     def said(self) -> Mapping:
         """Return the units as a mapping."""
         return Mapping(gyro=self.gyro, accel=self.accel, time=self.time)
-
-
-def split_unit(name: str) -> tuple[str, str | None]:
-    """Split ``"gx [deg/s]"`` into ``("gx", "deg/s")``; None where nothing is in brackets.
-
-    A single axis letter or number in brackets, ``"acc(x)"``, belongs to the name.
-    """
-    # One blank at a time: the pattern would try every place in a long run of them.
-    name = " ".join(name.split())
-    match = _BRACKETS.fullmatch(name)
-    if match is None:
-        return name, None
-    base, unit = match.group(1), match.group(2) or match.group(3) or ""
-    if re.fullmatch(r"\s*([xyzXYZ]|\d*)\s*", unit):
-        return name, None
-    return base.strip(), unit.strip()
 
 
 def choose(names: Sequence[str] | None, count: int, mapping: Mapping) -> Chosen:
@@ -107,39 +77,61 @@ def choose(names: Sequence[str] | None, count: int, mapping: Mapping) -> Chosen:
     InputError
         If a column is not there, is there twice, or cannot be told.
     """
+    part = None
     if names is None:
         picked = _without_names(count, mapping)
     elif mapping.columns is not None:
         picked = _picked(names, mapping.columns, mapping)
     else:
-        picked = _recognised(names, mapping)
+        part = None if mapping.rate is not None else second_part(names)
+        picked = _recognised(names, mapping, () if part is None else part[:2])
+        if part is not None:
+            picked["t"] = part[0]
     roles = mapping.roles
     missing = [role for role in roles[1:] if role not in picked]
     if missing:
         listing = f"its columns are {_listing(names)}" if names else f"it has {count} columns"
-        raise InputError(
-            f"no column for {', '.join(missing)} was found; {listing}; "
-            f"say which to take with --columns {','.join(roles)}"
+        apart = mapping.sensor is None and {"ax", "ay", "az"} <= set(missing)
+        other = (
+            "; accelerometers in a file of their own are joined by --accel-file" if apart else ""
         )
-    t = picked.get("t")
+        raise InputError(
+            f"no column for {', '.join(missing)} was found; {listing}; name those that hold "
+            f"{', '.join(roles)}, in this order, with --columns{other}"
+        )
+    # A clock of its own needs no stamp: none of them is read.
+    t = picked.get("t") if mapping.rate is None else None
     if t is None and mapping.rate is None:
         raise InputError(
             "there is no time column: name it with --columns, or give the rate with --rate"
         )
     values = tuple(picked[role] for role in roles[1:])
+    if mapping.sensor is not None:
+        # The other sensor's three are put in their place later.
+        values += values
     if names is None:
         label = "" if t is None else f"column {t + 1}"
         return Chosen(t, values, t_label=label)
     # An exact interval column comes with increments that schuler wrote, or others like them.
     steps = [i for i, name in enumerate(names) if split_unit(name)[0].lower() == "dt"]
+    label = "" if t is None else f"column '{split_unit(names[t])[0]}'"
+    time = None
+    if part is not None:
+        label = f"columns '{names[part[0]]}' and '{names[part[1]]}'"
+        time = "s"
+    elif t is not None and not mapping.time:
+        time = read_name(names[t], roles).unit
     return Chosen(
         t,
         values,
         steps[0] if len(steps) == 1 else None,
-        _unit(names, values[:-3], "gyro", "rad", mapping.gyro),
-        _unit(names, values[-3:], "accel", "m/s", mapping.accel),
-        None if t is None or mapping.time else split_unit(names[t])[1],
-        "" if t is None else f"column '{split_unit(names[t])[0]}'",
+        _unit(names, values[:-3], "gyro", "rad", mapping),
+        _unit(names, values[-3:], "accel", "m/s", mapping),
+        time,
+        label,
+        None if part is None else part[1],
+        1.0 if part is None else part[2],
+        axes_mark([names[i] for i in values]),
     )
 
 
@@ -164,7 +156,7 @@ def _without_names(count: int, mapping: Mapping) -> dict[str, int]:
     for i, entry in enumerate(columns):
         if entry in SKIP:
             continue
-        role = None if isinstance(entry, int) else _role(entry, roles)
+        role = None if isinstance(entry, int) else read_name(entry, roles).role
         if role is None:
             raise InputError(
                 f"column '{entry}' means nothing here: the file's columns have no names, so name "
@@ -225,21 +217,24 @@ def _by_order(columns: Sequence[str | int], found: list[int], mapping: Mapping) 
     return dict(zip(roles, found, strict=True))
 
 
-def _role(name: str, roles: tuple[str, ...]) -> str | None:
-    """Return what a column's name stands for; an array's gyros are numbered from 1."""
-    plain = _plain(name)
-    numbered = _NUMBERED.fullmatch(plain)
-    role = f"g{int(numbered[2])}" if numbered and numbered[1] in _GYROS else _ALIASES.get(plain)
-    return role if role in roles else None
-
-
-def _recognised(names: Sequence[str], mapping: Mapping) -> dict[str, int]:
+def _recognised(
+    names: Sequence[str], mapping: Mapping, passed_over: Sequence[int] = ()
+) -> dict[str, int]:
     picked: dict[str, int] = {}
     for i, name in enumerate(names):
-        role = _role(split_unit(name)[0], mapping.roles)
+        if i in passed_over:
+            continue
+        role = read_name(name, mapping.roles).role
         if role is None:
             continue
         if role in picked:
+            other = names[picked[role]]
+            if role == "t" and mapping.rate is not None:
+                continue
+            if role == "t" and time_rank(other) != time_rank(name):
+                # The instrument's own stamp before the logger's.
+                picked[role] = i if time_rank(name) < time_rank(other) else picked[role]
+                continue
             raise InputError(
                 f"columns {picked[role] + 1} ('{names[picked[role]]}') and {i + 1} ('{name}') "
                 f"could both be {role}; say which to take with --columns"
@@ -249,16 +244,14 @@ def _recognised(names: Sequence[str], mapping: Mapping) -> dict[str, int]:
 
 
 def _unit(
-    names: Sequence[str], columns: Sequence[int], what: str, increment: str, given: str | None
+    names: Sequence[str], columns: Sequence[int], what: str, increment: str, mapping: Mapping
 ) -> str | None:
-    if given is not None:
+    if (mapping.gyro if what == "gyro" else mapping.accel) is not None:
         return None
     units = []
     for i in columns:
-        base, unit = split_unit(names[i])
-        stem = _plain(base)
-        known = stem in _INCREMENTS or stem.rstrip("0123456789") in _INCREMENT_STEMS["g"]
-        units.append(increment if unit is None and known else unit)
+        read = read_name(names[i], mapping.roles)
+        units.append(increment if read.unit is None and read.increments else read.unit)
     if len(set(units)) > 1:
         raise InputError(
             f"the {what} columns have different units ({', '.join(str(u) for u in units)}); "
@@ -271,10 +264,6 @@ def _numbered(number: int, count: int) -> int:
     if not 1 <= number <= count:
         raise InputError(f"column {number} is not in the file, which has {count} columns")
     return number - 1
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"[^a-z0-9]", "", name.lower())
 
 
 def _listing(names: Sequence[str]) -> str:

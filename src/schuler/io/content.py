@@ -26,14 +26,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.io.mapping import Mapping
 
-__all__ = ["BLOCK_ROWS", "Array", "Block", "Content", "Reader"]
+__all__ = ["BLOCK_ROWS", "Array", "Block", "Content", "Reader", "wrapped"]
 
 Array = NDArray[np.float64]
 
@@ -75,6 +75,14 @@ class Content:
         can be right.
     follow : callable, optional
         Iterator over blocks as the file grows; an empty time array is "nothing new".
+    mark : (str, str), optional
+        The axes that the columns' names are a mark of, and whose names they are.
+    fixed : bool
+        The format fixes what the numbers are, as that of ROS does: no other unit can be meant.
+    stamps : (k,) float64, optional
+        The first stamps, by which their unit is found where nobody says it.
+    sample : sequence of (k,) float64, optional
+        The values of the first rows, by which rows are known that hold one sensor or the other.
     """
 
     blocks: Callable[[], Iterator[Block]]
@@ -89,6 +97,10 @@ class Content:
     progress: Callable[[], float] | None = None
     complete: bool = False
     follow: Callable[[], Iterator[Block | None]] | None = None
+    mark: tuple[str, str] | None = None
+    fixed: bool = False
+    stamps: Array | None = None
+    sample: Sequence[Array] | None = None
 
 
 @runtime_checkable
@@ -107,3 +119,16 @@ class Reader(Protocol):
     ) -> Content | Iterable[tuple[Array | None, Sequence[Array] | Array]]:
         """Open the file; see the module's docstring."""
         ...
+
+
+def wrapped(opened: Any) -> Content:
+    """Return what a reader gives as a `Content`: a simple one gives pairs of time and values."""
+    if isinstance(opened, Content):
+        return opened
+
+    def blocks() -> Iterator[Block]:
+        for item in opened:
+            time, values = item[0], item[1]
+            yield time, values, None
+
+    return Content(blocks=blocks)

@@ -8,8 +8,10 @@ from typing import Any
 
 from schuler.errors import InputError
 from schuler.io.columns import choose
+from schuler.io.instants import is_instant
 from schuler.io.mapping import Mapping
 from schuler.io.own import parse_own
+from schuler.units import known_unit
 
 __all__ = ["MAGIC", "NUMBER", "Dialect", "NoRowsError", "detect", "split"]
 
@@ -55,6 +57,8 @@ class Dialect:
         Line of the file at which they begin, from 1.
     own : dict or None
         What schuler wrote about the file.
+    first : tuple of str
+        The cells of the first row.
     """
 
     delimiter: str
@@ -66,6 +70,7 @@ class Dialect:
     offset: int
     line: int
     own: dict[str, Any] | None = None
+    first: tuple[str, ...] = ()
 
 
 def split(line: str, delimiter: str, *, quoted: bool = True) -> list[str]:
@@ -103,7 +108,8 @@ def detect(head: bytes, whole: bool, mapping: Mapping) -> Dialect:
     marks = (mapping.comment,) if mapping.comment else ("#", "%")
     offset, number = begin, 0
     own: dict[str, Any] | None = None
-    hint: str | None = None
+    hints: list[str] = []
+    units: list[str] | None = None
     header: tuple[str, int] | None = None
     skip = mapping.skip_rows or 0
     while True:
@@ -123,10 +129,14 @@ def detect(head: bytes, whole: bool, mapping: Mapping) -> Dialect:
             raise InputError("has old Macintosh line ends (CR alone); convert them to LF")
         if number > skip and text and not text.startswith(marks):
             delimiter = mapping.delimiter or _guess_delimiter(line, mapping.decimal)
-            # A line of words cannot be data: it is the header, unless that is denied or behind us.
-            words = any(not _numeric(cell, mapping.decimal) for cell in split(line, delimiter))
-            if mapping.header is not False and header is None and (mapping.header or words):
-                header = (line, number)
+            if mapping.header is not False and header is None:
+                after = _next_row(head, stop + 1, marks)
+                if mapping.header or _is_header(line, after, delimiter, mapping.decimal):
+                    header = (line, number)
+                else:
+                    break
+            elif header is not None and units is None and _units_row(line, delimiter):
+                units = _units_row(line, delimiter)
             else:
                 break
         elif number > skip and text:
@@ -135,7 +145,7 @@ def detect(head: bytes, whole: bool, mapping: Mapping) -> Dialect:
                     own = parse_own(line[len(MAGIC) :], "there")
                 except InputError as error:
                     raise InputError(f"line {number}: {error}") from None
-            hint = text.lstrip("".join(marks)).strip()
+            hints = [*hints[-1:], text.lstrip("".join(marks)).strip()]
         offset = stop + 1
         if end < 0:
             what = "has a header but no data rows" if header else "has no data rows"
@@ -149,12 +159,12 @@ def detect(head: bytes, whole: bool, mapping: Mapping) -> Dialect:
             f"line {number} has {len(cells)} columns, where {_MOST_COLUMNS} are the most: this is "
             "no table of samples, or another mark separates its cells (--delimiter)"
         )
-    if header and not any(_numeric(cell, mapping.decimal) for cell in cells):
+    if header and not any(_valued(cell, mapping.decimal) for cell in cells):
         raise InputError(
             f"line {number} ('{line.strip()[:60]}') is not a row of numbers; if the table begins "
             "below it, pass over the lines before the table with --skip-rows"
         )
-    names = _names(header, hint, delimiter, len(cells), mapping)
+    names = _names(header, hints, delimiter, len(cells), mapping)
     if header and names and len(names) != len(cells):
         if len(names) == len(cells) - 1 and not cells[-1]:
             names = (*names, "")
@@ -165,6 +175,8 @@ def detect(head: bytes, whole: bool, mapping: Mapping) -> Dialect:
                 f"line {number} has {len(cells)} cells, but the header in line {header[1]} names "
                 f"{len(names)} columns"
             )
+    if names and units is not None:
+        names = _with_units(names, units)
     decimal = mapping.decimal or ("," if delimiter == ";" and "," in line else ".")
     return Dialect(
         delimiter,
@@ -176,7 +188,67 @@ def detect(head: bytes, whole: bool, mapping: Mapping) -> Dialect:
         offset,
         number,
         own,
+        tuple(cells),
     )
+
+
+def _next_row(head: bytes, offset: int, marks: tuple[str, ...]) -> str | None:
+    """Return the next line that is neither empty nor a comment; None where there is none yet."""
+    while offset < len(head):
+        end = head.find(b"\n", offset)
+        stop = len(head) if end < 0 else end
+        line = head[offset : min(stop, offset + _LONGEST)].decode("utf-8", errors="replace")
+        if line.strip() and not line.strip().startswith(marks):
+            return line.rstrip("\r")
+        offset = stop + 1
+    return None
+
+
+def _is_header(line: str, after: str | None, delimiter: str, decimal: str | None) -> bool:
+    """Say whether a line names columns: one cell that is no number does not make it a header.
+
+    A row may hold texts (a frame's name, a date). A line is a header where most of its cells are
+    words, or where a word stands above a number and the other cells are whole numbers.
+    """
+    cells = split(line, delimiter)
+    words = [cell for cell in cells if not _numeric(cell, decimal) and not is_instant(cell)]
+    numbers = [cell for cell in cells if cell and _valued(cell, decimal)]
+    if len(words) > len(numbers) or not words:
+        return bool(words)
+    if after is None or not all(cell.isdigit() for cell in numbers):
+        return False
+    below = split(after, delimiter)
+    return any(
+        cell in words and under and _valued(under, decimal)
+        for cell, under in zip(cells, below, strict=False)
+    )
+
+
+def _units_row(line: str, delimiter: str) -> list[str] | None:
+    """Return the units of a row of units below the names, or None where it is none."""
+    if delimiter == " ":
+        cells = re.findall(r"\[[^\]]*\]|\([^)]*\)|\S+", line)
+    else:
+        cells = split(line, delimiter)
+    plain = [cell.strip("[]() ").strip() for cell in cells]
+    if any(_valued(cell, None) for cell in plain):
+        return None
+    said = [cell for cell in plain if cell not in ("", "-", "none", "n/a", "counts")]
+    known = sum(known_unit(cell) for cell in said)
+    return plain if said and known >= max(1, len(said) / 2) else None
+
+
+def _with_units(names: tuple[str, ...], units: list[str]) -> tuple[str, ...]:
+    padded = [*units, *[""] * len(names)]
+    return tuple(
+        f"{name} [{unit}]" if name and unit and known_unit(unit) else name
+        for name, unit in zip(names, padded, strict=False)
+    )
+
+
+def _valued(cell: str, decimal: str | None) -> bool:
+    """Say whether a cell holds a number, or a date or time."""
+    return bool(cell) and (_numeric(cell, decimal) or is_instant(cell))
 
 
 def _guess_delimiter(line: str, decimal: str | None) -> str:
@@ -199,26 +271,33 @@ def _numeric(cell: str, decimal: str | None) -> bool:
 
 def _names(
     header: tuple[str, int] | None,
-    hint: str | None,
+    hints: list[str],
     delimiter: str,
     count: int,
     mapping: Mapping,
 ) -> tuple[str, ...] | None:
     if header is not None:
         return tuple(_name_cells(header[0], delimiter))
-    if hint is None or mapping.header is False or mapping.columns is not None:
+    if not hints or mapping.header is False or mapping.columns is not None:
         return None
-    # NumPy's savetxt and many loggers put the names into the last comment before the data.
-    names = _name_cells(hint, delimiter)
-    if len(names) != count and delimiter != " ":
-        names = _name_cells(hint, " ")
-    if len(names) != count:
-        return None
-    try:
-        choose(names, count, mapping)
-    except InputError:
-        return None
-    return tuple(names)
+    # NumPy's savetxt and many loggers put the names into the last comment before the data, or
+    # into the last but one, with the units below them.
+    tries: list[tuple[str, list[str] | None]] = [(hints[-1], None)]
+    units = _units_row(hints[-1], delimiter) or _units_row(hints[-1], " ")
+    if len(hints) > 1 and units is not None:
+        tries.insert(0, (hints[-2], units))
+    for text, below in tries:
+        for mark in (delimiter, ",", ";", "\t", " "):
+            names = tuple(_name_cells(text, mark))
+            if len(names) != count:
+                continue
+            names = names if below is None else _with_units(names, below)
+            try:
+                choose(names, count, mapping)
+            except InputError:
+                continue
+            return names
+    return None
 
 
 def _name_cells(line: str, delimiter: str) -> list[str]:

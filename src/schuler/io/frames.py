@@ -81,6 +81,8 @@ def from_pandas(
             None if chosen.dt is None else picked[chosen.dt],
         )]),
         said=said,
+        mark=chosen.mark,
+        stamps=None if chosen.t is None else picked[chosen.t],
         name=str(own.get("name", "table")) if own else "table",
         complete=own is not None,
     )  # fmt: skip

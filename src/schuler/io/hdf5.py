@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from schuler.errors import InputError, shown
-from schuler.io.arrays import from_arrays
+from schuler.io.arrays import from_arrays, holds_samples
 from schuler.io.content import Content
 from schuler.io.limits import LEAST, check_size
 from schuler.io.mapping import Mapping
@@ -54,9 +54,23 @@ def open_hdf5(path: Path, mapping: Mapping) -> Content:
             links = {name: file.get(name, getlink=True) for name in file}
             hard = [name for name, link in links.items() if isinstance(link, h5py.HardLink)]
             datasets = {n: item for n in hard if isinstance(item := file[n], h5py.Dataset)}
+            # A structure is a group of its fields; "#refs#" holds what cells refer to.
+            groups = [n for n in hard if isinstance(file[n], h5py.Group) and n[0] != "#"]
+            fields = {
+                f"{n}.{m}": item
+                for n in groups
+                for m in file[n]
+                if isinstance(file[n].get(m, getlink=True), h5py.HardLink)
+                and isinstance(item := file[n][m], h5py.Dataset)
+                and item.dtype.kind in "iuf"
+            }
         except Exception as error:  # as above
             raise _damaged(error) from None
         names = [name for name in links if name in datasets or name not in hard]
+        wanted = [*(mapping.variables or {}).values()]
+        if not holds_samples(names) or any("." in name for name in wanted):
+            datasets |= fields
+            names += fields
         taken: dict[str, int] = {}
 
         def load(name: str) -> Any:

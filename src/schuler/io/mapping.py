@@ -26,7 +26,7 @@ _GYRO = ("angular rate", "angle")
 _ACCEL = ("acceleration", "velocity")
 _BOOLS = ("mean_rates", "header", "coning_corrected", "sculling_corrected")
 _TEXTS = ("gyro", "accel", "time", "axes", "array", "delimiter", "comment", "decimal", "format",
-          "topic", "imu_type")  # fmt: skip
+          "topic", "imu_type", "accel_file", "accel_topic", "sensor")  # fmt: skip
 _LONGEST_NUMBER = 9
 _WORDS = {"tab": "\t", "\\t": "\t", "comma": ",", "semicolon": ";", "space": " "}
 
@@ -87,6 +87,13 @@ class Mapping:
     imu_type : str
         Instrument whose counts a NovAtel log holds, by name or number
         (`schuler.io.novatel.IMU_TYPES`), where the log does not say.
+    accel_file : str
+        A second file that holds the accelerometers, where the first holds the gyros alone: each
+        has time and three values. They are interpolated to the gyros' stamps.
+    accel_topic : str
+        The same for a topic, of the same log or of that file.
+    sensor : {"gyro", "accel"}
+        The file holds this sensor alone. It is set for each of two files that are joined.
 
     Raises
     ------
@@ -114,6 +121,9 @@ class Mapping:
     format: str | None = None
     topic: str | None = None
     imu_type: str | None = None
+    accel_file: str | None = None
+    accel_topic: str | None = None
+    sensor: str | None = None
 
     def __post_init__(self) -> None:
         for key in _BOOLS:
@@ -156,6 +166,8 @@ class Mapping:
                 f"skip_rows: expected a number of lines, 0 or more, got {_brief(rows)}"
             )
         self._check_layout()
+        if self.sensor not in (None, "gyro", "accel"):
+            raise InputError(f"sensor: expected 'gyro' or 'accel', got '{self.sensor}'")
         if self.variables is not None:
             object.__setattr__(self, "variables", _variables(self.variables))
 
@@ -256,6 +268,8 @@ class Mapping:
     @property
     def roles(self) -> tuple[str, ...]:
         """What a row holds, in the order in which `columns` names it."""
+        if self.sensor is not None:
+            return (ROLES[0], *(ROLES[1:4] if self.sensor == "gyro" else ROLES[4:]))
         if self.array is None:
             return ROLES
         count = len(load_array(self.array))

@@ -7,19 +7,22 @@ The sizes that a file announces are checked here before either library takes mem
 from __future__ import annotations
 
 import warnings
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from schuler.errors import InputError, shown
-from schuler.io.arrays import from_arrays
+from schuler.io.arrays import from_arrays, holds_samples
 from schuler.io.content import Content
 from schuler.io.hdf5 import open_hdf5
 from schuler.io.limits import check_size
 from schuler.io.mapping import Mapping
-from schuler.io.matfile import survey
+from schuler.io.matfile import structures, survey
 
 __all__ = ["MatReader"]
 
+#: structures in structures
+_DEEPEST = 4
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
@@ -46,6 +49,7 @@ def _open_classic(path: Path, mapping: Mapping) -> Content:
     from scipy.io import loadmat
 
     sizes = survey(path)
+    parts = structures(path)
     taken: dict[str, int] = {}
     size = path.stat().st_size
 
@@ -62,4 +66,41 @@ def _open_classic(path: Path, mapping: Mapping) -> Content:
                 f"is a damaged or truncated .mat file ({shown(reason)[:120]})"
             ) from None
 
-    return from_arrays(list(sizes), load, mapping)
+    def field(name: str) -> Any:
+        top, *rest = name.split(".")
+        if not rest:
+            return load(name)
+        value = whole(top)
+        for part in rest:
+            value = value[part].item()
+        return value
+
+    @cache
+    def whole(name: str) -> Any:
+        sizes[name] = parts[name]
+        return load(name)
+
+    wanted = [*(mapping.variables or {}).values()]
+    names = list(sizes)
+    # A structure's fields are only known once it is loaded; arrays at the top come first.
+    if not holds_samples(names) or any("." in name for name in wanted):
+        for name in parts:
+            names += _fields(whole(name), name)
+    return from_arrays(names, field, mapping)
+
+
+def _fields(value: Any, prefix: str, depth: int = 0) -> list[str]:
+    """Return the names of a structure's fields that hold numbers, ``imu.wb``."""
+    out: list[str] = []
+    if value.size != 1 or depth > _DEEPEST:
+        return out
+    for name in value.dtype.names or ():
+        inner = value[name].item()
+        label = f"{prefix}.{name}"
+        if getattr(inner, "dtype", None) is None:
+            continue
+        if inner.dtype.names:
+            out += _fields(inner, label, depth + 1)
+        elif inner.dtype.kind in "iuf":
+            out.append(label)
+    return out

@@ -1,7 +1,8 @@
 """What is in a .mat file of version 4 or 5: names and sizes of its arrays of numbers.
 
 Only the tags are read (MathWorks, MAT-File Format). An array whose values do not fill its
-dimensions is damage; cells, structures, texts and sparse arrays hold no samples and are left out.
+dimensions is damage. Structures are named with the bytes that they take in the file; cells, texts
+and sparse arrays hold no samples and are left out.
 """
 
 from __future__ import annotations
@@ -14,10 +15,11 @@ from typing import IO, Any
 
 from schuler.errors import InputError
 
-__all__ = ["survey"]
+__all__ = ["structures", "survey"]
 
 _MATRIX, _COMPRESSED = 14, 15
 _FLAGS, _DIMENSIONS, _NAME = 6, 5, 1
+_STRUCTURE = 2
 #: classes of arrays of numbers: double, single and the integers
 _NUMBERS = range(6, 16)
 _COMPLEX = 0x0800
@@ -30,6 +32,24 @@ _MOST_DIMENSIONS = 32
 _LONGEST_NAME = 64
 
 _VERSION_4_WIDTHS = (8, 4, 4, 2, 2, 1)
+
+
+def structures(path: Path) -> dict[str, int]:
+    """Return the bytes of each structure of a file of version 5, by name.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged or truncated.
+    """
+    with path.open("rb") as file:
+        head = file.read(128)
+        if 0 in head[:4]:
+            return {}
+        try:
+            return _version_5(file, path.stat().st_size, head, structure=True)
+        except (struct.error, zlib.error) as error:
+            raise _damaged(str(error)) from None
 
 
 def survey(path: Path) -> dict[str, int]:
@@ -51,7 +71,7 @@ def survey(path: Path) -> dict[str, int]:
             raise _damaged(str(error)) from None
 
 
-def _version_5(file: IO[bytes], size: int, head: bytes) -> dict[str, int]:
+def _version_5(file: IO[bytes], size: int, head: bytes, structure: bool = False) -> dict[str, int]:
     if len(head) < 128:
         raise _damaged(f"{len(head)} bytes")
     order = "<" if head[126:128] == b"IM" else ">"
@@ -69,12 +89,12 @@ def _version_5(file: IO[bytes], size: int, head: bytes) -> dict[str, int]:
             kind, count = struct.unpack_from(f"{order}II", data)
             data = data[8:]
         if kind == _MATRIX:
-            _add(found, *_matrix(data, order, count))
+            _add(found, *_matrix(data, order, count, structure))
     return found
 
 
-def _matrix(data: bytes, order: str, size: int) -> tuple[str, int | None]:
-    """Return an array's name, and its bytes in memory; None where it holds no numbers."""
+def _matrix(data: bytes, order: str, size: int, structure: bool = False) -> tuple[str, int | None]:
+    """Return an array's name, and its bytes in memory; None where it is not of the wanted kind."""
     at, kind, flags = _element(data, 0, order)
     if kind != _FLAGS or len(flags) != 8:
         raise _damaged("an array without flags")
@@ -87,6 +107,9 @@ def _matrix(data: bytes, order: str, size: int) -> tuple[str, int | None]:
     if kind != _NAME or len(name) > _LONGEST_NAME:
         raise _damaged("an array without a name")
     text = name.decode("latin-1")
+    if structure:
+        # MATLAB packs whole numbers into bytes, which become eight times as many.
+        return text, 8 * size if word & 0xFF == _STRUCTURE else None
     if word & 0xFF not in _NUMBERS:
         return text, None
     kind, length, begin = _tag(data, at, order)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from schuler.errors import InputError, shown
 from schuler.io.axes import RFU, Axes, parse_axes
+from schuler.io.clock import Clock
 from schuler.io.content import Array, Block, Content
 from schuler.io.mapping import Mapping
+from schuler.record.hints import Reading
 from schuler.sensors.array import SensorArray, load_array
-from schuler.units import parse_factor
+from schuler.units import known_unit, parse_factor
 
 __all__ = ["Meaning", "settle"]
 
@@ -34,26 +36,48 @@ class Meaning:
         With every choice that was made filled in.
     gyro, accel : (3,) float64
         Factors to SI for the file's x, y, z.
-    time : float
-        Factor to seconds.
+    clock : Clock
+        Makes seconds of stamps.
     axes : Axes
         From the file's axes to right, forward, up.
-    sentence : str
-        All this for a person to read.
+    words : str
+        All this for a person to read, but for the clock.
+    time_label : str
+        How to speak of the file's time.
     array : SensorArray or None
         The geometry of redundant gyros, fused here.
+    assumed : list of str
+        What nobody said and was assumed, each in a few words.
+    reading : Reading
+        How the values were read, for a check of what they show.
     """
 
     kind: str
     mapping: Mapping
     gyro: Array
     accel: Array
-    time: float
+    clock: Clock
     axes: Axes
-    sentence: str
+    words: str
+    time_label: str
     array: SensorArray | None = None
+    assumed: list[str] = field(default_factory=list)
+    reading: Reading = field(default_factory=Reading)
 
-    def convert(self, block: Block, done: int) -> tuple[Array, Array, Array | None]:
+    @property
+    def sentence(self) -> str:
+        """All that is settled, for a person to read."""
+        m = self.mapping
+        if m.rate is not None:
+            clock = f"time from the rate {m.rate:.9g} Hz, starting at {m.start_time or 0.0:.9g} s"
+        else:
+            clock = f"time from {self.time_label} in {self.clock.label}"
+        return shown(f"{self.words}, {clock}")
+
+    def convert(
+        self, block: Block, done: int, clock: Clock | None = None,
+        working: tuple[int, ...] | None = None,
+    ) -> tuple[Array, Array, Array | None]:  # fmt: skip
         """Turn a block of a file into time, values (n, 6) and dt in SI and body axes.
 
         Parameters
@@ -62,7 +86,12 @@ class Meaning:
             As a reader gives it.
         done : int
             Rows before this block, for a clock made from the rate.
+        clock : Clock, optional
+            The clock of this pass over the file.
+        working : tuple of int, optional
+            The gyros of an array that are used; all, when not given.
         """
+        clock = clock or self.clock
         time, values, dt = block
         columns = values.T if isinstance(values, np.ndarray) else values
         n = len(columns[0])
@@ -74,8 +103,8 @@ class Meaning:
             np.multiply(columns[k - 3], s * self.accel[k], out=out[:, 3 + j])
         if self.array is not None:
             gyros = np.column_stack([np.asarray(c, np.float64) for c in columns[:-3]])
-            out[:, :3] = self.array.solve(self.gyro[0] * gyros, 0.0 if self.kind == "increments"
-                                          else 1.0)  # fmt: skip
+            interval = 0.0 if self.kind == "increments" else 1.0
+            out[:, :3] = self.array.solve(self.gyro[0] * gyros, interval, working)
         if self.mapping.rate is not None:
             # Instantaneous rates begin at the start; what ends with a row ends one interval later.
             first = done if self.kind == "rates" else done + 1
@@ -83,16 +112,40 @@ class Meaning:
             return start + np.arange(first, first + n) / self.mapping.rate, out, None
         if time is None:
             raise InputError("there is no time column: give the rate with --rate")
-        seconds = np.asarray(time, np.float64)
-        if self.time != 1.0:
-            seconds = seconds * self.time
+        seconds = clock.seconds(time)
         if dt is None or self.kind != "increments":
             return seconds, out, None
-        return seconds, out, np.asarray(dt, np.float64) * self.time
+        return seconds, out, clock.interval(dt)
+
+    def gyros(self, block: Block, time: Array) -> Array:
+        """Return an array's gyros (n, m) as rates, rad/s.
+
+        Parameters
+        ----------
+        block : Block
+            As a reader gives it.
+        time : (n,) float64
+            Its times, s.
+        """
+        values = block[1]
+        columns = values.T if isinstance(values, np.ndarray) else values
+        out = self.gyro[0] * np.column_stack([np.asarray(c, np.float64) for c in columns[:-3]])
+        if self.kind == "increments" and len(time) > 1:
+            out /= float(np.median(np.diff(time)))
+        return np.asarray(out)
 
 
-def settle(content: Content, given: Mapping, folder: Mapping) -> Meaning:
+def settle(
+    content: Content, given: Mapping, folder: Mapping, max_gap: float | None = None
+) -> Meaning:
     """Settle what a file means: what is given wins over the file, the file over its folder.
+
+    Parameters
+    ----------
+    content : Content
+    given, folder : Mapping
+    max_gap : float, optional
+        Longest gap that may be bridged, s.
 
     Raises
     ------
@@ -156,10 +209,11 @@ def settle(content: Content, given: Mapping, folder: Mapping) -> Meaning:
         "mean-rates": "rates averaged over each interval",
         "increments": "increments",
     }
-    if m.rate is not None:
-        clock = f"time from the rate {m.rate:.9g} Hz, starting at {m.start_time or 0.0:.9g} s"
-    else:
-        clock = f"time from {content.time_label} in {m.time or 's'}"
+    clock = Clock(m.time, max_gap, content.notes)
+    if m.rate is not None or content.complete:
+        clock.decided = True
+    elif content.stamps is not None:
+        clock.look(content.stamps)
     way = f"axes {axes.name}" + ("" if m.axes else " (assumed)")
     if array is not None:
         way += f", {len(array)} gyros fused as {array.name}"
@@ -170,13 +224,44 @@ def settle(content: Content, given: Mapping, folder: Mapping) -> Meaning:
             gyro=gyro,
             accel=accel,
             axes=axes.name,
-            time=None if m.rate is not None else (m.time or "s"),
+            time=None if m.rate is not None else clock.unit,
             mean_rates=None if increments else bool(m.mean_rates),
         ),
         gyros,
         accels,
-        parse_factor(m.time, ("time",), "time")[0] if m.time else 1.0,
+        clock,
         axes,
-        shown(f"{words[kind]} in {units}{assumed}, {way}, {clock}"),
+        f"{words[kind]} in {units}{assumed}, {way}",
+        content.time_label,
         array,
+        _assumed(content, m, assumed, gyro, accel),
+        Reading(
+            kind,
+            gyro if _plain_unit(gyro) else None,
+            accel if _plain_unit(accel) else None,
+            fixed=content.fixed or content.complete,
+            axes_said=m.axes is not None,
+            units_said="(assumed)" not in assumed,
+        ),
     )
+
+
+def _plain_unit(text: str) -> bool:
+    """Say whether a unit is a plain one, without a scale before it."""
+    return not text[:1].isdigit() and known_unit(text)
+
+
+def _assumed(content: Content, m: Mapping, units: str, gyro: str, accel: str) -> list[str]:
+    """Return what nobody said, each in a few words."""
+    out = []
+    if m.axes is None:
+        mark = content.mark
+        hint = "" if mark is None else (
+            f", though the columns' names are {mark[1]}: with --axes {mark[0]} they are read so"
+        )  # fmt: skip
+        out.append(f"axes right-forward-up (RFU){hint}")
+    if "(assumed)" in units:
+        out.append(f"units {gyro} and {accel}")
+    elif units:
+        out.append(f"gyro unit {gyro}" if "gyro" in units else f"accelerometer unit {accel}")
+    return out

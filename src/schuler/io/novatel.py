@@ -137,6 +137,7 @@ class NovatelReader:
             blocks=lambda: log.blocks(content.notes),
             said=said,
             time_label=f"the seconds of {log.kind}, from the start of week {int(first['week'][0])}",
+            fixed=True,
             factors=factors,
             units_label=label,
             progress=lambda: log.done / log.size,

@@ -1,4 +1,4 @@
-"""NumPy's .npz archives; pickled objects are never loaded."""
+"""NumPy's .npz archives and .npy arrays; pickled objects are never loaded."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import warnings
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,13 @@ import numpy as np
 
 from schuler.errors import InputError, shown
 from schuler.io.arrays import from_arrays
+from schuler.io.columns import choose
 from schuler.io.content import Content
 from schuler.io.limits import check_size
 from schuler.io.mapping import Mapping
 from schuler.io.own import own_mapping, own_name, parse_own
 
-__all__ = ["NpzReader"]
+__all__ = ["NpyReader", "NpzReader"]
 
 #: bytes of the record at an archive's end, its comment included; a count that is elsewhere
 _LONGEST_END = 22 + 0xFFFF
@@ -54,6 +56,59 @@ class NpzReader:
         content.name = own_name(own)
         content.complete = True
         return content
+
+
+class NpyReader:
+    """Reader of a single .npy array: a table with a column each, or an array with named fields."""
+
+    name = "npy"
+    suffixes: tuple[str, ...] = (".npy",)
+
+    def sniff(self, head: bytes) -> bool:
+        """Say whether NumPy's mark is there."""
+        return head.startswith(b"\x93NUMPY")
+
+    def open(self, path: Path, mapping: Mapping) -> Content:
+        """Load the array."""
+        if mapping.variables is not None:
+            raise InputError("a .npy file holds one array: --variables is for .npz and .mat files")
+        size = path.stat().st_size
+        with _damage("is a damaged .npy file"):
+            with path.open("rb") as file:
+                shape, kind = _header(file)
+            if kind.hasobject:
+                raise InputError(
+                    "holds Python objects, which are not loaded for safety; save it as an array of "
+                    "numbers"
+                )
+            if size < math.prod(shape) * kind.itemsize:
+                raise ValueError(f"{size} bytes for an array of shape {shape}")
+            check_size(8 * math.prod(shape) * max(1, len(kind.names or ())), size, "its array")
+            table = np.load(path, allow_pickle=False)
+        if table.dtype.names is None:
+            return from_arrays(["array"], lambda _: table, replace(
+                mapping, variables={"matrix": "array"}))  # fmt: skip
+        names = [str(name) for name in table.dtype.names]
+        chosen = choose(names, len(names), mapping)
+        columns = {i: np.ravel(_real(names[i], table[names[i]])) for i in chosen.all}
+        return Content(
+            blocks=lambda: iter([(
+                None if chosen.t is None else columns[chosen.t],
+                [columns[i] for i in chosen.values],
+                None if chosen.dt is None else columns[chosen.dt],
+            )]),
+            said=chosen.said(),
+            time_label=chosen.t_label,
+            rows=table.size,
+            mark=chosen.mark,
+            stamps=None if chosen.t is None else columns[chosen.t],
+        )  # fmt: skip
+
+
+def _real(name: str, column: Any) -> Any:
+    if column.dtype.kind not in "iuf":
+        raise InputError(f"field '{shown(name)}' is of type {column.dtype}, not real numbers")
+    return column.astype(np.float64)
 
 
 def _check_count(path: Path, found: int) -> None:

@@ -20,6 +20,8 @@ from schuler.io.sealed import about_of, opened_parquet, stated
 __all__ = ["ParquetReader"]
 
 _BUFFER = 1 << 20
+#: rows by whose stamps their unit is found
+_STAMPS = 4096
 
 
 class ParquetReader:
@@ -86,11 +88,21 @@ class ParquetReader:
             blocks=blocks,
             said=said,
             time_label=chosen.t_label,
+            mark=chosen.mark,
+            stamps=None if own else _first_stamps(path, schema.names, chosen.t),
             name=own_name(own),
             rows=rows,
             progress=lambda: done[0] / rows,
             complete=own is not None,
         )
+
+
+def _first_stamps(path: Path, names: list[str], t: int | None) -> Array | None:
+    if t is None:
+        return None
+    with opened_parquet(path, pre_buffer=False, buffer_size=_BUFFER) as file:
+        batch = next(file.iter_batches(_STAMPS, columns=[names[t]]), None)
+        return None if batch is None else _numbers(batch.column(names[t]))
 
 
 def _numbers(column: Any) -> Array:

@@ -70,6 +70,7 @@ class PsinsReader:
         return Content(
             blocks=lambda: arrange(table.blocks(), chosen),
             said=said,
+            fixed=True,
             factors=factors,
             units_label=(
                 f"counts of {'/'.join(_short(rows[2][:3]))} arcsec and "

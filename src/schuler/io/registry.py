@@ -13,7 +13,6 @@ from schuler.io.content import Reader
 __all__ = ["find_reader", "readers", "register"]
 
 GROUP = "schuler.readers"
-_GZIP = b"\x1f\x8b"
 
 _registered: dict[str, Reader] = {}
 
@@ -24,14 +23,14 @@ def _built_in() -> dict[str, Reader]:
     from schuler.io.kfgins import KfGinsReader
     from schuler.io.mat import MatReader
     from schuler.io.novatel import NovatelReader
-    from schuler.io.npz import NpzReader
+    from schuler.io.npz import NpyReader, NpzReader
     from schuler.io.parquet import ParquetReader
     from schuler.io.psins import PsinsReader
     from schuler.io.ros import RosReader
     from schuler.io.text import TextReader
     from schuler.io.ulog import UlogReader
 
-    kinds = (ParquetReader, NpzReader, MatReader, RosReader, UlogReader, NovatelReader,
+    kinds = (ParquetReader, NpzReader, NpyReader, MatReader, RosReader, UlogReader, NovatelReader,
              PsinsReader, KfGinsReader, BinaryReader, TextReader)  # fmt: skip
     return {kind.name: kind() for kind in kinds}
 
@@ -100,8 +99,6 @@ def find_reader(path: Path, head: bytes, name: str | None = None) -> Reader:
         for reader in others:
             if reader.sniff(head) or suffix in reader.suffixes:
                 return reader
-    if head.startswith(_GZIP):
-        raise InputError("is compressed by gzip; unpack it (gunzip), or read it through a pipe")
     if b"\0" in head and head[:2] not in (b"\xff\xfe", b"\xfe\xff"):
         names = ", ".join(_built_in())
         raise InputError(

@@ -58,7 +58,9 @@ class RosReader:
         values = _decode([first], ros1, topic)[1]
         for lacking, columns in (("angular velocity", slice(0, 3)),
                                  ("linear acceleration", slice(3, 6))):  # fmt: skip
-            if np.all(np.isnan(values[:, columns])):
+            # Of two topics, each may lack what the other holds.
+            wanted = mapping.sensor is None or columns.start == 3 * (mapping.sensor == "accel")
+            if wanted and np.all(np.isnan(values[:, columns])):
                 raise InputError(
                     f"topic '{topic}' says that it has no {lacking} (its covariance begins with "
                     "-1, or the values are NaN); take another with --topic"
@@ -89,7 +91,8 @@ class RosReader:
 
         return Content(
             blocks=blocks,
-            said=Mapping(gyro="rad/s", accel="m/s^2", axes="FLU"),
+            said=Mapping(gyro="rad/s", accel="m/s^2", time="s", axes="FLU"),
+            fixed=True,
             time_label=f"the stamps of topic '{topic}'",
             rows=count or None,
             notes=notes,

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import sys
-import time as clock
+import time as wall
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from schuler.errors import InputError, shown
-from schuler.io.content import Block, Content
+from schuler.io.apart import with_accelerometers
+from schuler.io.clock import Clock, timed
+from schuler.io.content import Content, wrapped
 from schuler.io.dialect import NoRowsError, detect
 from schuler.io.flow import Whole, prefetch, readable
+from schuler.io.join import alternates, join, split_rows
 from schuler.io.mapping import Mapping
 from schuler.io.meaning import settle
 from schuler.io.registry import find_reader
-from schuler.io.spool import Spooled, is_pipe, ordinary
+from schuler.io.span import RecordTime, Span
+from schuler.io.spool import GZIP, Spooled, Unpacked, is_pipe, ordinary
 from schuler.record import ImuRecord, Intake, Quality
+from schuler.record.hints import Reading
+from schuler.sensors.array_check import ArrayCheck, ArrayVerdict
 
 __all__ = ["FOLDER_MAPPING", "Source"]
 
@@ -50,17 +55,21 @@ class Source:
         How long to wait for the first whole row of a text file that has only begun to grow, or
         for standard input's first byte, s; not at all, when not given.
 
+    gyro_bias : float, optional
+        What a gyro's bias may be (1 sigma, rad/s): the gyros of an array may differ by that.
+
     Attributes
     ----------
     path : Path
     format : str
         Name of the reader.
-    mapping : Mapping
-        With every choice filled in.
     kind : str
         ``"rates"``, ``"mean-rates"`` or ``"increments"``.
-    meaning : str
-        One sentence that says what the numbers are taken for.
+    assumed : list of str
+        What nobody said and was assumed: axes, units; each in a few words.
+    contradictions : list of str
+        What the record contradicts in itself and could not be resolved, as a faulty gyro of an
+        array that cannot be told; may grow while reading.
     notes : list of str
         What was decided or dropped on the way; may grow while reading.
     position : (lat, lon, height) or None
@@ -83,40 +92,69 @@ class Source:
         *,
         max_gap: float | None = None,
         wait: float | None = None,
+        gyro_bias: float | None = None,
     ) -> None:
         self.path = Path(path)
         # Where the content is: a pipe's is copied, which the object that made the copy removes.
         self._file = self.path
-        self._spooled: Spooled | None = None
+        self._spooled: Spooled | Unpacked | None = None
+        # The name by which the format is found: that of what is inside a gzip file.
+        self._named_as = self.path
         self._label = "standard input" if self.path == Path("-") else str(path)
         self._max_gap = max_gap
+        self._gyro_bias = gyro_bias
+        self._working: tuple[int, ...] | None = None
         self._quality: Quality | None = None
         self._intake: Intake | None = None
         try:
             given, folder, notes, self.size, head = self._look(mapping or Mapping(), wait)
-            reader = find_reader(self.path, head, folder.merged(given).format)
+            reader = find_reader(self._named_as, head, folder.merged(given).format)
             self.format = reader.name
             # The folder's units are for files that state none: the reader must not see them.
             plain = replace(folder, gyro=None, accel=None, time=None)
-            opened = reader.open(self._file, plain.merged(given))
-            content = opened if isinstance(opened, Content) else _wrap(opened)
-            self._meaning = settle(content, given, folder)
+            said = plain.merged(given)
+            apart = said.accel_file is not None or said.accel_topic is not None
+            if apart:
+                said = replace(said, sensor="gyro")
+            opened = reader.open(self._file, said)
+            content = wrapped(opened)
+            if apart:
+                content = with_accelerometers(content, said, self.path, self._file, max_gap)
+            elif content.sample is not None and alternates(content.sample):
+                content = join(*split_rows(content), given, max_gap, "other rows")
+            self._meaning = settle(content, given, folder, max_gap)
             self._new_intake(content)  # refuses a bad max_gap now
         except InputError as error:
             raise InputError(f"{self._label}: {error}") from None
         except OSError as error:
             raise InputError(f"{self._label}: cannot be read ({error.strerror or error})") from None
         self._content = content
-        self.mapping = self._meaning.mapping
         self.kind = self._meaning.kind
-        self.meaning = self._meaning.sentence
         content.notes[:0] = notes
         self.notes = content.notes
+        self.assumed = self._meaning.assumed
+        self.contradictions: list[str] = []
         self.position = content.position
         self.rows = content.rows
 
     def __repr__(self) -> str:
         return f"Source({self._label!r}, {self.format}: {self.meaning})"
+
+    @property
+    def mapping(self) -> Mapping:
+        """What is said about the file, with every choice filled in."""
+        m = self._meaning.mapping
+        return m if m.rate is not None else replace(m, time=self._meaning.clock.unit)
+
+    @property
+    def meaning(self) -> str:
+        """One sentence that says what the numbers are taken for."""
+        return self._meaning.sentence
+
+    @property
+    def reading(self) -> Reading:
+        """How the values were read, for a check of what they show."""
+        return self._meaning.reading
 
     def _look(
         self, mapping: Mapping, wait: float | None
@@ -157,6 +195,12 @@ class Source:
             self._file = self._spooled.path
         with self._file.open("rb") as file:
             head = file.read(_HEAD)
+        if head.startswith(GZIP):
+            self._spooled = Unpacked(self._file)
+            self._file = self._spooled.path
+            self._named_as = self.path.with_name(self.path.stem)
+            with self._file.open("rb") as file:
+                head = file.read(_HEAD)
         size = self._file.stat().st_size
         if not head:
             raise InputError("is empty")
@@ -164,8 +208,8 @@ class Source:
 
     def _wait(self, mapping: Mapping, patience: float) -> None:
         """Wait until a text file holds a whole row; opening it says what else is wrong."""
-        end = clock.monotonic() + patience
-        while clock.monotonic() < end:
+        end = wall.monotonic() + patience
+        while wall.monotonic() < end:
             with self.path.open("rb") as file:
                 head = file.read(_LONG_HEAD)
             named = mapping.format
@@ -177,7 +221,7 @@ class Source:
                 # A last line without its end may still be half a row.
                 detect(head, False, mapping)
             except NoRowsError:
-                clock.sleep(_POLL)
+                wall.sleep(_POLL)
             except InputError:
                 return
             else:
@@ -185,7 +229,7 @@ class Source:
 
     def _new_intake(self, content: Content) -> Intake:
         m = self._meaning.mapping
-        default = "stdin" if self.path == Path("-") else self.path.stem
+        default = "stdin" if self.path == Path("-") else self._named_as.stem
         return Intake(
             self._meaning.kind,
             rate=m.rate,
@@ -210,7 +254,7 @@ class Source:
         return 0.0 if self._content.progress is None else self._content.progress()
 
     def chunks(
-        self, size: int = 65536, *, start: float | None = None, stop: float | None = None
+        self, size: int = 65536, *, start: RecordTime = None, stop: RecordTime = None
     ) -> Iterator[ImuRecord]:
         """Yield the samples in records of at most `size`, in bounded memory.
 
@@ -218,9 +262,10 @@ class Source:
         ----------
         size : int
             Most samples in a piece; the samples do not depend on it.
-        start, stop : float, optional
+        start, stop : float or str, optional
             Read only the rows of this stretch of the file's time, s; what lies outside is not
-            checked. Samples are those whose interval's middle lies in it.
+            checked. Samples are those whose interval's middle lies in it. A text that begins with
+            a plus, ``"+60s"``, counts from the first row; a date and time is a Unix time.
 
         Raises
         ------
@@ -229,16 +274,15 @@ class Source:
         """
         if size < 1:
             raise InputError(f"chunk size must be at least 1, got {size}")
-        if start is not None and stop is not None and not start < stop:
-            raise InputError(f"start ({start:g} s) must be before stop ({stop:g} s)")
-        return self._chunks(size, start, stop)
+        span = Span.of(start, stop)
+        return self._chunks(size, span)
 
-    def _chunks(self, size: int, start: float | None, stop: float | None) -> Iterator[ImuRecord]:
+    def _chunks(self, size: int, span: Span) -> Iterator[ImuRecord]:
         self._intake = intake = self._new_intake(self._content)
         try:
             empty = True
-            for record in self._records(intake, start, stop):
-                piece = record.between(start, stop) if (start, stop) != (None, None) else record
+            for record in self._records(intake, span):
+                piece = record.between(span.start, span.stop) if span.limited else record
                 empty = empty and not len(piece)
                 if len(piece):
                     yield from piece.chunks(size)
@@ -248,37 +292,39 @@ class Source:
                     f"each of the {lost.rows} data rows has a value that is not a finite number, "
                     f"the first at {lost.first_not_finite}; name other columns with --columns"
                 )
-            if empty and (start, stop) != (None, None):
-                raise InputError(
-                    f"there are no samples between {'its start' if start is None else start} and "
-                    f"{'its end' if stop is None else stop} s"
-                )
+            if empty and span.limited:
+                raise InputError(span.nothing())
         except InputError as error:
             raise self._named(error) from None
         except OSError as error:
             raise InputError(f"{self._label}: cannot be read ({error.strerror or error})") from None
 
-    def _records(
-        self, intake: Intake, start: float | None, stop: float | None
-    ) -> Iterator[ImuRecord]:
+    def _records(self, intake: Intake, span: Span) -> Iterator[ImuRecord]:
+        check = self._check_array(span)
         done = kept = 0
-        started = start is None
+        started = not span.begins
         past: list[int] = []
-        begin = -np.inf if start is None else start
+        clock = self._pass()
         # A thread that waits for standard input could not be ended.
         blocks = self._content.blocks()
-        for block in blocks if self.path == Path("-") else prefetch(blocks):
-            time, values, dt = self._meaning.convert(block, done)
+        flow = blocks if self.path == Path("-") else prefetch(blocks)
+        for block in timed(flow, clock):
+            assert block is not None
+            clock.check()
+            time, values, dt = self._meaning.convert(block, done, clock, self._working)
+            if check is not None:
+                check.push(self._meaning.gyros(block, time))
             done += len(time)
+            span.see(time)
             if not started:
-                inside = np.flatnonzero(time >= begin)
+                inside = np.flatnonzero(time >= span.first)
                 if not len(inside):
                     intake.skip(len(time))
                     continue
                 started, first = True, int(inside[0])
                 intake.skip(first)
                 time, values, dt = time[first:], values[first:], dt if dt is None else dt[first:]
-            past = [] if stop is None else np.flatnonzero(time >= stop)[:1].tolist()
+            past = [] if span.stop is None else np.flatnonzero(time >= span.stop)[:1].tolist()
             if past:
                 # Nothing after the first row at or past the stop is looked at.
                 n = past[0] + 1
@@ -287,11 +333,55 @@ class Source:
             yield intake.push(time, values, dt)
             if past:
                 break
+        if check is not None:
+            self._say_array(check.verdict(), streamed=True)
         # Less than two rows of a stretch are no samples; of a whole file, they are an error.
-        if started and (kept > 1 or (start is None and not past)):
+        if started and (kept > 1 or (not span.begins and not past)):
             yield intake.close()
 
-    def read(self, *, start: float | None = None, stop: float | None = None) -> ImuRecord:
+    def _check_array(self, span: Span) -> ArrayCheck | None:
+        """Compare an array's gyros before they are fused; for a stream, return a check to feed."""
+        array = self._meaning.array
+        if array is None or len(array) < 4:
+            return None
+        check = ArrayCheck(array, self._gyro_bias)
+        if self.path == Path("-"):
+            return check
+        clock, stretch, done = self._pass().again(), Span(*span.said), 0
+        for block in prefetch(self._content.blocks()):
+            time = self._meaning.convert(block, done, clock)[0]
+            done += len(time)
+            stretch.see(time)
+            stop = np.inf if stretch.stop is None else stretch.stop
+            inside = (time >= stretch.first) & (time < stop)
+            check.push(self._meaning.gyros(block, time)[inside])
+            if np.any(time >= stop):
+                break
+        verdict = check.verdict()
+        self._working = verdict.working
+        self._say_array(verdict)
+        return None
+
+    def _say_array(self, verdict: ArrayVerdict, streamed: bool = False) -> None:
+        """Note what the gyros of an array say of each other."""
+        for note in verdict.notes:
+            text = (
+                note.replace("was left out: it", "is faulty, and was used: it")
+                if streamed
+                else note
+            )
+            target = self.contradictions if streamed else self.notes
+            if text not in target:
+                target.append(text)
+        self.contradictions += [t for t in verdict.contradictions if t not in self.contradictions]
+
+    def _pass(self) -> Clock:
+        """Return a clock for one pass over the file."""
+        clock = self._meaning.clock
+        # Where the stamps are not known yet, what the first pass finds is what is said.
+        return clock.again() if clock.decided else clock
+
+    def read(self, *, start: RecordTime = None, stop: RecordTime = None) -> ImuRecord:
         """Read the file whole, or the stretch from `start` to `stop` (s, as in `chunks`).
 
         Returns
@@ -336,6 +426,8 @@ class Source:
         InputError
             If the format cannot be followed, the file becomes shorter, or a row is bad.
         """
+        if isinstance(self._spooled, Unpacked):
+            raise InputError(f"{self._label}: is compressed, and cannot be followed")
         if self._spooled is not None:
             raise InputError(f"{self._label}: {_PIPE}")
         if self._content.follow is None:
@@ -348,18 +440,20 @@ class Source:
             raise InputError(f"idle must be a time of 0 s or more, got {idle:g} s")
         self._intake = intake = self._new_intake(self._content)
         quiet = done = 0.0
+        clock = self._pass()
         try:
-            for block in self._content.follow():
+            for block in timed(self._content.follow(), clock):
                 if block is None:
                     if idle is not None and quiet >= idle:
                         break
                     if stop is not None and stop():
                         break
-                    clock.sleep(poll)
+                    wall.sleep(poll)
                     quiet += poll
                     continue
                 quiet = 0.0
-                time, values, dt = self._meaning.convert(block, int(done))
+                clock.check()
+                time, values, dt = self._meaning.convert(block, int(done), clock)
                 done += len(time)
                 record = intake.push(time, values, dt)
                 if len(record):
@@ -377,14 +471,3 @@ class Source:
     def _named(self, error: InputError) -> InputError:
         text = str(error)
         return error if text.startswith(f"{self._label}:") else InputError(f"{self._label}: {text}")
-
-
-def _wrap(opened: Any) -> Content:
-    """Make a `Content` of what a simple reader gives: an iterable of (time, values)."""
-
-    def blocks() -> Iterator[Block]:
-        for item in opened:
-            time, values = item[0], item[1]
-            yield time, values, None
-
-    return Content(blocks=blocks)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO
 
@@ -19,6 +19,7 @@ from schuler.io.columns import Chosen, choose
 from schuler.io.content import Array, Block, Content
 from schuler.io.dialect import Dialect, NoRowsError, detect, split
 from schuler.io.flow import readable
+from schuler.io.instants import has_zone, is_instant
 from schuler.io.mapping import Mapping
 from schuler.io.own import own_mapping, own_name
 
@@ -54,20 +55,44 @@ class TextReader:
                 head, dialect = b"", _look(file, mapping, False)[1]
         own = dialect.own
         chosen = choose(dialect.names, dialect.count, Mapping() if own else mapping)
-        table = TextTable(path, dialect, chosen.all, head=head)
+        instants, label, notes = _instants(dialect, chosen, mapping)
+        table = TextTable(path, dialect, chosen.all, head=head, instants=instants, notes=notes)
+        stamps, sample = table.first_rows(chosen)
         said = chosen.said()
+        if instants:
+            said = replace(said, time="s")
         if own is not None:
             said = own_mapping(own).merged(said)
         return Content(
             blocks=lambda: arrange(table.blocks(), chosen),
             said=said,
-            time_label=chosen.t_label,
+            time_label=label,
+            mark=chosen.mark,
+            stamps=stamps,
+            sample=sample,
             name=own_name(own),
             notes=table.notes,
             progress=table.progress,
             complete=own is not None,
             follow=lambda: _arrange_growing(table.growing(), chosen),
         )
+
+
+def _instants(
+    dialect: Dialect, chosen: Chosen, mapping: Mapping
+) -> tuple[tuple[int, ...], str, list[str]]:
+    """Return the time column where it holds dates, how to speak of it, and what to note."""
+    if chosen.t is None or not is_instant(dialect.first[chosen.t]):
+        return (), chosen.t_label, []
+    if mapping.time is not None:
+        raise InputError(
+            f"{chosen.t_label} holds dates or times of day ('{shown(dialect.first[chosen.t])}'), "
+            f"which have no unit; leave out the time's unit '{mapping.time}'"
+        )
+    zone = has_zone(dialect.first[chosen.t])
+    what = "times of day" if zone is None else "dates and times, UTC"
+    notes = ["its dates have no zone and were taken for UTC"] if zone is False else []
+    return (chosen.t,), f"{chosen.t_label} ({what})", notes
 
 
 def _look(file: IO[bytes], mapping: Mapping, stream: bool) -> tuple[bytes, Dialect]:
@@ -104,10 +129,17 @@ def arrange(blocks: Iterator[dict[int, Array]], chosen: Chosen) -> Iterator[Bloc
     """Put a table's columns into their places in a row."""
     for columns in blocks:
         yield (
-            None if chosen.t is None else columns[chosen.t],
+            _time(columns, chosen),
             [columns[i] for i in chosen.values],
             None if chosen.dt is None else columns[chosen.dt],
         )
+
+
+def _time(columns: dict[int, Array], chosen: Chosen) -> Array | None:
+    if chosen.t is None:
+        return None
+    time = columns[chosen.t]
+    return time if chosen.t_part is None else time + chosen.t_part_unit * columns[chosen.t_part]
 
 
 def _arrange_growing(
@@ -144,12 +176,31 @@ class TextTable:
     head: bytes = b""
     block_bytes: int = 0
     notes: list[str] = field(default_factory=list)
+    instants: tuple[int, ...] = ()
     _recent: bytes = b""
     _read: int = 0
     _used: bool = False
 
     def __post_init__(self) -> None:
-        self._cells = Cells(self.dialect, self.columns)
+        self._cells = Cells(self.dialect, self.columns, self.instants)
+
+    def first_rows(self, chosen: Chosen) -> tuple[Array | None, list[Array] | None]:
+        """Return the first stamps and values of a file, as far as they can be read.
+
+        None for a stream, and where something is wrong, which is said when the rows are read.
+        """
+        if self.path == Path("-"):
+            return None, None
+        with self.path.open("rb") as file:
+            file.seek(self.dialect.offset)
+            head = file.read(_HEAD)
+        # Whole lines only: the last may be half of one.
+        block = head[: head.rfind(b"\n") + 1]
+        try:
+            columns = Cells(self.dialect, chosen.all, self.instants).parse(block)
+        except LineError:
+            return None, None
+        return _time(columns, chosen), [columns[i] for i in chosen.values]
 
     def progress(self) -> float:
         """Fraction of the file that has been read; 0 for a stream."""

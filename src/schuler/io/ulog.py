@@ -80,6 +80,7 @@ class UlogReader:
         return Content(
             blocks=blocks,
             said=Mapping(time="us", axes="FRD").merged(said),
+            fixed=True,
             time_label=f"the stamps of {stream.label}",
             rows=n,
             notes=notes,

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from schuler.record.check import check_record
+from schuler.record.hints import Reading
 from schuler.record.imu import ImuRecord
 from schuler.record.intake import Intake
 from schuler.record.quality import Quality
 from schuler.record.summary import Stretch, Summariser, Summary
 
-__all__ = ["ImuRecord", "Intake", "Quality", "Stretch", "Summariser", "Summary"]
+__all__ = [
+    "ImuRecord", "Intake", "Quality", "Reading", "Stretch", "Summariser", "Summary",
+    "check_record",
+]  # fmt: skip

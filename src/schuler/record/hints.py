@@ -3,27 +3,76 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
-from schuler.constants import DEG, DEG_PER_HOUR, EARTH_RATE, STANDARD_GRAVITY
+from schuler.constants import DEG_PER_HOUR, EARTH_RATE
+from schuler.units import UNITS
 
-__all__ = ["axis_hint", "force_hint", "rate_hint"]
+__all__ = ["Reading", "axis_hint", "force_hint", "rate_hint"]
+
+_RATES = ("rad/s", "deg/s", "deg/h", "mrad/s", "arcsec/s")
+_FORCES = ("m/s^2", "g", "mg", "ug")
+_ANGLES = ("rad", "deg", "mrad", "arcsec")
+_VELOCITIES = ("m/s", "g*s", "mg*s", "ug*s")
 
 
-def _candidates(interval: float, unit: float, names: dict[str, float]) -> list[tuple[str, float]]:
+@dataclass(frozen=True)
+class Reading:
+    """How values were read: what is known of them limits what a hint may say.
+
+    Parameters
+    ----------
+    kind : str
+        As for `Intake`; ``"unknown"`` for a record made in memory.
+    gyro_unit, accel_unit : str or None
+        Units as they were read; None where they have a scale of their own.
+    fixed : bool
+        The file's format fixes units, so that no other can be meant.
+    axes_said : bool
+        Somebody said where the axes point.
+    units_said : bool
+        Somebody said the units, or they are not those of a file.
+    """
+
+    kind: str = "unknown"
+    gyro_unit: str | None = None
+    accel_unit: str | None = None
+    fixed: bool = False
+    axes_said: bool = False
+    units_said: bool = True
+
+
+def _candidates(
+    interval: float, reading: Reading, unit: str | None, rates: tuple[str, ...],
+    increments: tuple[str, ...],
+) -> list[tuple[str, float]]:  # fmt: skip
     """Return (what to say, factor by which the SI reading would change)."""
-    found = [(f"in {name}", factor / unit) for name, factor in names.items()]
-    found.append(("increments over each interval, not rates", 1.0 / interval))
-    found.append(("rates, not increments over each interval", interval))
+    if reading.fixed:
+        return []
+    found = []
+    units = increments if reading.kind == "increments" else rates
+    current = UNITS[unit][0] if unit in UNITS else 1.0
+    if unit is not None or reading.kind == "unknown":
+        found = [(f"in {u}", UNITS[u][0] / current) for u in units if u != (unit or units[0])]
+    if reading.kind != "increments":
+        found.append(("increments over each interval, not rates", 1.0 / interval))
+    if reading.kind in ("increments", "unknown"):
+        found.append(("rates, not increments over each interval", interval))
     return found
 
 
 def _fitting(ratio: float, candidates: list[tuple[str, float]], tolerance: float) -> str | None:
     """Return the reading that brings a ratio (shown to expected) nearest to one."""
-    best = min(candidates, key=lambda c: abs(math.log(ratio * c[1])))
-    return best[0] if abs(math.log(ratio * best[1])) < tolerance else None
+    best = min(candidates, key=lambda c: abs(math.log(ratio * c[1])), default=None)
+    if best is None or abs(math.log(ratio * best[1])) >= tolerance:
+        return None
+    return best[0]
 
 
-def force_hint(mean_force: float, gravity: float, interval: float) -> str | None:
+def force_hint(
+    mean_force: float, gravity: float, interval: float, reading: Reading | None = None,
+    small: bool = True,
+) -> str | None:  # fmt: skip
     """Return a sentence when a standing record's mean |f| is not gravity, else None.
 
     Parameters
@@ -32,11 +81,16 @@ def force_hint(mean_force: float, gravity: float, interval: float) -> str | None
         m/s^2.
     interval : float
         Sampling interval, s.
+    reading : Reading, optional
+        How the values were read.
+    small : bool
+        Speak of differences below 10 % as well, which only a vehicle at rest cannot have.
     """
+    reading = reading or Reading()
     if not (mean_force > 0 and math.isfinite(mean_force)):
         return "the accelerometers read nothing: their mean |f| is zero; check their columns"
     ratio = mean_force / gravity
-    if abs(ratio - 1.0) < 0.005:
+    if abs(ratio - 1.0) < (0.005 if small else 0.1):
         return None
     text = f"the mean |f| is {mean_force:.5g} m/s^2, where gravity is {gravity:.5g} m/s^2"
     if abs(ratio - 1.0) < 0.1:
@@ -44,18 +98,30 @@ def force_hint(mean_force: float, gravity: float, interval: float) -> str | None
             f"{text}: {100 * (ratio - 1.0):+.2f} %; check the accelerometers' scale, the height, "
             "or whether the vehicle accelerates"
         )
-    names = {"g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "ug": 1e-6 * STANDARD_GRAVITY}
-    fit = _fitting(ratio, _candidates(interval, 1.0, names), 0.1)
-    return f"{text}; " + (
-        f"it would fit if the accelerometer values were {fit}"
-        if fit
-        else "no usual unit fits: check the accelerometer columns and their unit"
-    )
+    if reading.kind == "increments":
+        for share, said in ((0.5, "half"), (2.0, "twice")):
+            if abs(ratio / share - 1.0) < 0.01:
+                return (
+                    f"{text}: {said} of it, so a row's increments cover {said} the time to the row "
+                    "before: rows are missing or doubled, or the rate (--rate) is another"
+                )
+    candidates = _candidates(interval, reading, reading.accel_unit, _FORCES, _VELOCITIES)
+    fit = _fitting(ratio, candidates, 0.1)
+    if fit:
+        both = "" if reading.units_said else " (both units were assumed: say --gyro and --accel)"
+        return f"{text}; it would fit if the accelerometer values were {fit}{both}"
+    if reading.fixed:
+        return (
+            f"{text}, and the format fixes the unit: check the instrument's scale, and whether the "
+            "vehicle accelerates"
+        )
+    return f"{text}; no usual unit fits: check the accelerometer columns and their unit"
 
 
 def rate_hint(
-    mean_rate: float, interval: float, bias: float = 0.0, noise: float = 0.0
-) -> str | None:
+    mean_rate: float, interval: float, bias: float = 0.0, noise: float = 0.0,
+    reading: Reading | None = None,
+) -> str | None:  # fmt: skip
     """Return a sentence when a standing record's mean |w| is not the Earth's rate, else None.
 
     Parameters
@@ -66,7 +132,10 @@ def rate_hint(
         Sampling interval, s.
     bias, noise : float
         What the instrument and the sway may add (1-sigma, rad/s).
+    reading : Reading, optional
+        How the values were read.
     """
+    reading = reading or Reading()
     if mean_rate == 0.0:
         return "the gyros read nothing: their mean |w| is zero; check their columns"
     ratio = mean_rate / EARTH_RATE
@@ -74,13 +143,12 @@ def rate_hint(
         return None
     shown = f"{mean_rate / DEG_PER_HOUR:.5g} deg/h"
     text = f"the mean |w| is {shown}, where the Earth turns at 15.04 deg/h"
-    names = {"deg/s": DEG, "deg/h": DEG_PER_HOUR, "mrad/s": 1e-3, "arcsec/s": DEG / 3600.0}
-    fit = _fitting(ratio, _candidates(interval, 1.0, names), 0.1)
+    fit = _fitting(ratio, _candidates(interval, reading, reading.gyro_unit, _RATES, _ANGLES), 0.1)
     if fit:
         return f"{text}; it would fit if the gyro values were {fit}"
+    unit = "columns are wrong" if reading.fixed else "unit or columns are wrong"
     return (
-        f"{text}; the gyros have a bias of that size (see --spec), or the vehicle turned, "
-        "or unit or columns are wrong"
+        f"{text}; the gyros have a bias of that size (see --spec), or the vehicle turned, or {unit}"
     )
 
 

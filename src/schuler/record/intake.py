@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from schuler.errors import InputError
 from schuler.record.imu import ImuRecord
 from schuler.record.quality import CHANNELS, Quality
+from schuler.units import time_text
 
 __all__ = ["KINDS", "Intake"]
 
@@ -168,8 +169,9 @@ class Intake:
         if len(bad):
             row = int(self._state[0]) + self._waiting_rows * (self._nominal is None) + bad[0] + 1
             raise InputError(
-                f"data row {row} (t = {time[bad[0]]:.9g} s): the interval dt = {dt[bad[0]]:g} s "
-                "must be a positive number; repair the row or leave the dt column out"
+                f"data row {row} (t = {time_text(float(time[bad[0]]))} s): the interval "
+                f"dt = {dt[bad[0]]:g} s must be a positive number; repair the row "
+                "or leave the dt column out"
             )
 
     def _open(self) -> tuple[Array, Array, Array | None]:
@@ -192,7 +194,7 @@ class Intake:
         if not len(steps):
             raise InputError(
                 f"time does not advance in the first {min(len(time), _WARM_UP)} data rows "
-                f"(t = {time[0]:.6g} s): is this the time column?"
+                f"(t = {time_text(float(time[0]))} s): is this the time column?"
             )
         self._nominal = float(np.median(steps))
         return time, values, None
@@ -209,8 +211,9 @@ class Intake:
         )
         if code == self._k.TOO_LARGE:
             j = int(np.argmax(np.abs(values[row])))
+            at = time_text(float(time[row]))
             raise InputError(
-                f"data row {base + row + 1} (t = {time[row]:.9g} s): {CHANNELS[j]} is "
+                f"data row {base + row + 1} (t = {at} s): {CHANNELS[j]} is "
                 f"{values[row, j]:.3g} in SI, more than any instrument gives; repair or remove "
                 "the row, or check columns and units"
             )
@@ -231,11 +234,11 @@ class Intake:
                 f"data row {row}: the time is not a finite number; remove the row or name the "
                 "right time column"
             )
-        where = f"data row {row} (t = {t:.9g} s)"
+        where = f"data row {row} (t = {time_text(t)} s)"
         last = float(self._state[3])
         if code == k.BACKWARD:
             raise InputError(
-                f"{where}: time goes backward, from {last:.9g} s; sort the rows, or cut the "
+                f"{where}: time goes backward, from {time_text(last)} s; sort the rows, or cut the "
                 "record there with --stop"
             )
         if code == k.REPEATED:
@@ -249,7 +252,7 @@ class Intake:
                 "before; check the dt column and its unit, or leave it out"
             )
         raise InputError(
-            f"{where}: a gap of {t - last:.6g} s since t = {last:.9g} s is longer than the "
+            f"{where}: a gap of {t - last:.6g} s since t = {time_text(last)} s is longer than the "
             f"{max_gap:.4g} s that can be bridged; align before or after it (--start, --stop), "
             "or allow it with --max-gap"
         )

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.units import time_text
+
 __all__ = ["CHANNELS", "Quality"]
 
 CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
@@ -65,7 +67,7 @@ class Quality:
                 )
         where = ""
         if s[17] > 0:
-            where = f"data row {int(s[26])} (t = {s[28]:.6g} s), {CHANNELS[int(s[27])]}"
+            where = f"data row {int(s[26])} (t = {_instant(s[28])} s), {CHANNELS[int(s[27])]}"
         return cls(
             rows=int(s[0]),
             valid_rows=n,
@@ -100,7 +102,7 @@ class Quality:
         if self.gaps:
             found.append(
                 f"{self.gaps} gap(s) bridged by holding the rate, the first after "
-                f"t = {self.first_gap_time:.6g} s, the longest {self.longest_gap:.4g} s"
+                f"t = {_instant(self.first_gap_time)} s, the longest {self.longest_gap:.4g} s"
             )
         if self.jitter_rms > 0.05 * self.nominal_dt:
             found.append(
@@ -111,3 +113,7 @@ class Quality:
         found += [f"{text}: saturated?" for text in self.saturated]
         found += [f"{text}: is the channel connected?" for text in self.stuck]
         return found
+
+
+def _instant(seconds: float) -> str:
+    return f"{seconds:.6g}" if abs(seconds) < 1e6 else time_text(seconds)

@@ -12,7 +12,8 @@ from schuler._notebook import Shown
 from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G, STANDARD_GRAVITY
 from schuler.earth import Site
 from schuler.errors import InputError
-from schuler.record.hints import axis_hint, force_hint, rate_hint
+from schuler.record.check import check_record
+from schuler.record.hints import Reading
 from schuler.record.imu import ImuRecord
 
 __all__ = ["Stretch", "Summariser", "Summary"]
@@ -25,14 +26,25 @@ _STRETCH = 30.0
 _LOUD = 4.0
 """A stretch is disturbed when it wanders more than so many times the quiet level."""
 
+_TURNED = 3.0 * DEG
+"""Rms angle of a second's mean force about the stretch's: a unit at rest stays well below."""
+
+_UNSTEADY = 0.03 * STANDARD_GRAVITY
+"""Rms of the length of a second's mean force about the stretch's, m/s^2."""
+
 
 @dataclass(frozen=True)
 class Stretch:
-    """A quiet or a disturbed stretch of a record, s in the record's time."""
+    """A quiet or a disturbed stretch of a record, s in the record's time.
+
+    It is disturbed beside the record's quietest tenth, or because the unit moved all the time: it
+    turned, or its force was not that of rest, by bounds that do not depend on the record.
+    """
 
     start: float
     end: float
     disturbed: bool
+    moved: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +105,14 @@ class Summary(Shown):
         """Time in quiet stretches, s."""
         return float(sum(s.end - s.start for s in self.stretches if not s.disturbed))
 
-    def hints(self, site: Site | None = None, gyro_bias: float = 0.0) -> list[str]:
+    @property
+    def turned(self) -> bool:
+        """Whether the unit was turned or moved in each stretch: it was at rest in none."""
+        return all(stretch.moved for stretch in self.stretches)
+
+    def hints(
+        self, site: Site | None = None, gyro_bias: float = 0.0, reading: Reading | None = None
+    ) -> list[str]:
         """Return what looks wrong with units and axes of a standing record, in sentences.
 
         Parameters
@@ -102,40 +121,10 @@ class Summary(Shown):
             For local gravity; standard gravity without it.
         gyro_bias : float
             Bias that the instrument may have (1-sigma, rad/s).
+        reading : Reading, optional
+            How the values were read.
         """
-        gravity = STANDARD_GRAVITY if site is None else site.gravity
-        spread = self.wander_rate / np.sqrt(max(self.duration, 1.0))
-        # A swing of a fraction of a degree between the two ends is no unit error.
-        spread = float(np.hypot(spread, 0.2 * DEG / max(self.duration, 1.0)))
-        found = [
-            force_hint(self.steady_force(gravity), gravity, self.interval),
-            rate_hint(float(np.linalg.norm(self.mean_rate)), self.interval, gyro_bias, spread),
-        ]
-        if found[0] is None:
-            x, y, z = (float(v) for v in self.mean_force)
-            found.append(axis_hint((x, y, z), gravity))
-        if site is not None and found[0] is None and found[1] is None:
-            found.append(self._latitude_hint(site, gyro_bias, spread))
-        return [text for text in found if text]
-
-    def _latitude_hint(self, site: Site, gyro_bias: float, spread: float) -> str | None:
-        w, f = self.mean_rate, self.mean_force
-        size = float(np.linalg.norm(w))
-        sine = float(w @ f) / (size * float(np.linalg.norm(f)))
-        own = float(np.arcsin(np.clip(sine, -1.0, 1.0))) / DEG
-        # Near a pole the arc sine is steep: compare sines, in units of what they can be off.
-        off = abs(sine - np.sin(site.latitude))
-        if off < max(0.15, 4.0 * np.hypot(gyro_bias, spread) / size):
-            return None
-        advice = (
-            "is the sign of the latitude right?"
-            if abs(sine + np.sin(site.latitude)) < 0.15
-            else "do the gyros and the accelerometers share their axes (--axes, --columns)?"
-        )
-        return (
-            f"the angle between the mean rate and the mean force says latitude {own:.1f} deg, "
-            f"not {site.lat:.1f} deg: {advice}"
-        )
+        return check_record(self, reading, site, gyro_bias=gyro_bias)
 
     def to_dict(self, site: Site | None = None) -> dict[str, object]:
         """Return the summary in the field's units, ready for JSON."""
@@ -263,19 +252,46 @@ def _wander(table: Array, columns: slice, group: int) -> Array:
     return np.asarray(np.sqrt(np.add.reduceat(step, starts) / size))
 
 
+def _moved(table: Array, group: int) -> NDArray[np.bool_]:
+    """Say of each stretch whether the unit moved in it, by bounds in deg and m/s^2.
+
+    The force tells: a wrong unit of the gyros looks like a turn, but it does not move the force.
+    """
+    force = table[:, 6:9] / table[:, 1:2]
+    starts = np.arange(0, len(table), group)
+    moved = np.zeros(len(starts), bool)
+    for k, a in enumerate(starts):
+        f = force[a : a + group]
+        size = np.linalg.norm(f, axis=1)
+        mean = f.mean(axis=0)
+        length = float(np.linalg.norm(mean))
+        if length == 0.0 or np.any(size == 0.0):
+            continue
+        cosine = np.clip(f @ mean / (size * length), -1.0, 1.0)
+        turned = np.sqrt(np.mean(np.arccos(cosine) ** 2)) > _TURNED
+        # In units of the mean force: a wrong unit of the accelerometers moves nothing.
+        unsteady = np.std(size) / np.mean(size) > _UNSTEADY / STANDARD_GRAVITY
+        moved[k] = turned or unsteady
+    return moved
+
+
 def _stretches(table: Array) -> tuple[Stretch, ...]:
     """Tell quiet from disturbed stretches: by the quietest tenth of the record itself."""
     group = max(1, round(_STRETCH / float(np.median(table[:, 1]))))
-    disturbed = np.zeros(len(np.arange(0, len(table), group)), bool)
+    moved = _moved(table, group)
+    disturbed = moved.copy()
     for columns in (slice(3, 6), slice(6, 9)):
         wander = _wander(table, columns, group)
-        disturbed |= wander > _LOUD * np.quantile(wander, 0.1) + 1e-300
+        # A unit that moves, however steadily, is no measure of quiet.
+        still = wander[~moved] if not moved.all() else wander
+        disturbed |= wander > _LOUD * np.quantile(still, 0.1) + 1e-300
     out: list[Stretch] = []
     begin = table[:, 0] - table[:, 1]
     for k, flag in enumerate(disturbed):
         end = float(table[min((k + 1) * group, len(table)) - 1, 0])
         if out and out[-1].disturbed == bool(flag):
-            out[-1] = Stretch(out[-1].start, end, bool(flag))
+            last = out[-1]
+            out[-1] = Stretch(last.start, end, bool(flag), last.moved and bool(moved[k]))
         else:
-            out.append(Stretch(float(begin[k * group]), end, bool(flag)))
+            out.append(Stretch(float(begin[k * group]), end, bool(flag), bool(moved[k])))
     return tuple(out)
