@@ -26,7 +26,7 @@ from schuler.align.estimate import Estimate
 from schuler.align.history import History
 from schuler.align.joint import joint
 from schuler.align.methods import Analytic
-from schuler.constants import DEG_PER_HOUR, EARTH_RATE
+from schuler.constants import ARCMIN, DEG_PER_HOUR, EARTH_RATE
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.record import Summary
@@ -93,11 +93,17 @@ def assess(
     elif result.least_bias > 0.0:
         wider = found.spec or ImuSpec(GyroSpec(), AccelerometerSpec(), name="none")
         try:
-            found = _with_bias(h, with_gyro_bias(wider, result.least_bias), again)
+            larger = _with_bias(h, with_gyro_bias(wider, result.least_bias), again)
         except InputError:
-            found = _level_only(h, summary, site, spec)
+            larger = _level_only(h, summary, site, spec)
         if spec is None:
-            found = replace(found, spec=None)
+            larger = replace(larger, spec=None)
+            small = result.least_bias * h.duration < ARCMIN
+            if small and "gyro_bias" in larger.budget:
+                # It moves no estimate: only what is said of it has to grow.
+                budget = {**found.budget, "gyro_bias": larger.budget["gyro_bias"]}
+                larger = replace(found, budget=budget)
+        found = larger
     if result.least_bias > 0.0 and spec is None:
         notes.append(
             "the record shows a gyro bias of at least "

@@ -62,6 +62,9 @@ PARTS = 4
 LARGEST = 0.05
 """Turn of the base (rad) within a dwell beyond which its attitude is not taken for a constant."""
 
+_LEAST_WHITE = 1.0 * MICRO_G
+"""Least noise of the force, m/s^2/sqrt(Hz)."""
+
 _FREE_GYRO, _FREE_ACCEL = 1e-6 * DEG_PER_HOUR, 1e-3 * MICRO_G
 """Biases (1 sigma) of an instrument that is not known to have any."""
 
@@ -422,6 +425,8 @@ def _series(
     force = d * change @ change.T + np.diag(c / dt) + b * wander
     gyro = a * (stacked * short) @ stacked.T
     if spec is not None:
+        # Means over stretches are no better than this, whatever an instrument is said to be.
+        force += max(_LEAST_WHITE**2 - spec.accelerometer.white**2, 0.0) * wander
         force += _noise(spec.accelerometer, walk, short, interval)
         gyro += _noise(spec.gyro, stacked, short, interval)
 
