@@ -62,7 +62,7 @@ PARTS = 4
 LARGEST = 0.05
 """Turn of the base (rad) within a dwell beyond which its attitude is not taken for a constant."""
 
-_LEAST_WHITE = 1.0 * MICRO_G
+_LEAST_WHITE = 0.3 * MICRO_G
 """Least noise of the force, m/s^2/sqrt(Hz)."""
 
 _FREE_GYRO, _FREE_ACCEL = 1e-6 * DEG_PER_HOUR, 1e-3 * MICRO_G
