@@ -5,6 +5,8 @@ from __future__ import annotations
 from schuler.record.imu import ImuRecord
 from schuler.record.intake import Intake
 from schuler.record.quality import Quality
+from schuler.record.spikes import Spike, without_spikes
 from schuler.record.summary import Stretch, Summariser, Summary
 
-__all__ = ["ImuRecord", "Intake", "Quality", "Stretch", "Summariser", "Summary"]
+__all__ = ["ImuRecord", "Intake", "Quality", "Spike", "Stretch", "Summariser", "Summary",
+           "without_spikes"]  # fmt: skip
