@@ -3,8 +3,8 @@
 `check` takes rows as they come and passes on those that are valid; `schuler.kernels.spikes.screen`
 then replaces single bad samples; `integrate` fills gaps and makes increments. Rows on their way are
 `ROW` numbers each: 0 number of the row, 1 time, 2-7 values, 8 interval where it is known exactly
-(else 0), 9 rows to fill in before it, 10 time that is missing before it (s), or anything above 0
-where the row is not like its neighbours.
+(else 0), 9 rows to fill in before it, 10 time that is missing before it (s), or -1 where the row's
+own interval is not like the others.
 
 State layout (float64, `STATE_SIZE` long), all zero at the start:
 
@@ -145,7 +145,7 @@ def check(state, nominal, max_gap, t, x, out, steps=None):
         lost = missing > 0.5 * nominal and steps is None
         out[m, 9] = max(1.0, math.floor(missing / nominal + 0.5)) if lost else 0.0
         odd = steps is not None and abs(steps[i] - nominal) > 0.2 * nominal
-        out[m, 10] = missing if missing > 0.5 * nominal else (nominal if odd else 0.0)
+        out[m, 10] = -1.0 if odd else (missing if missing > 0.5 * nominal else 0.0)
         m += 1
         state[1] = 1.0
         state[3] = ti

@@ -169,7 +169,7 @@ INTAKE = {
         (
             Entries(0, 0, 1.0, COUNT, True), Entries(1, 1, -1e12, 1e12),
             Entries(2, 7, -_VALUE, _VALUE), Entries(8, 8, 0.0, 1e10),
-            Entries(9, 9, 0.0, COUNT, True), Entries(10, 10, 0.0, 1e10),
+            Entries(9, 9, 0.0, COUNT, True), Entries(10, 10, -1.0, 1e10),
         ),
     ),
     "intake_progress": ArrayLayout(

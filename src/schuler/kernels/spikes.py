@@ -122,6 +122,15 @@ def _isolated(rows, setting, i, n, c, r):
 
 
 @kernel
+def _uneven(rows, i, n):
+    """Say whether a row of another length is near, whose value is not like the others."""
+    least = 0.0
+    for k in range(max(i - REACH, 0), min(i + REACH + 1, n)):
+        least = min(least, rows[k, 10])
+    return least < 0.0
+
+
+@kernel
 def smallest(settings, nominal, increments):
     """Set the smallest spike of each channel: none of a gyro, a slammed door's push of the others.
 
@@ -176,7 +185,7 @@ def learn(rows, count, settings):
                 r = _residual(rows, i, c, way)
                 # Counted as `screen` will, before which it has to hold off the first events.
                 far = abs(i - at) > REACH and abs(r) > s[3 + way]
-                if far and _isolated(rows, s, i, count, c, r):
+                if far and not _uneven(rows, i, count) and _isolated(rows, s, i, count, c, r):
                     s[3 + way] = abs(r)
 
 
@@ -320,8 +329,12 @@ def _moved(rows, settings, i, n, own):
         c = 2 + j
         s = settings[j]
         value = rows[i, c]
-        rows[i, c] = value - _residual(rows, i, c, _best(s, i, n, REACH))
-        calm = _ordinary(rows, s, i - 1, n, c, False) and _ordinary(rows, s, i + 1, n, c, False)
+        way = _best(s, i, n, REACH)
+        rows[i, c] = value - _residual(rows, i, c, way)
+        spread = math.sqrt(s[way])
+        calm = _ordinary(rows, s, i - 1, n, c, False, spread) and _ordinary(
+            rows, s, i + 1, n, c, False, spread
+        )
         rows[i, c] = value
         if not calm:
             return True
@@ -340,6 +353,8 @@ def _note(rows, i, j, value, found, spikes):
 def _judge_edge(rows, n, at, count, settings, found, spikes):
     """Look at the first or the last row; return the number of spikes."""
     inward = 1 if at == 0 else -1
+    if _uneven(rows, at, n):
+        return spikes
     wanted = np.zeros(6, np.bool_)
     spread = np.zeros(6)
     foretold = _edge(rows, at, inward, count - REACH - 2, settings, wanted, spread)
@@ -367,6 +382,8 @@ def _judge(rows, n, i, j, settings, found, spikes):
     r = _residual(rows, i, c, way)
     value = rows[i, c]
     if r * r <= _limit(settings, j, way) or value == rows[i - 1, c] or value == rows[i + 1, c]:
+        return spikes
+    if _uneven(rows, i, n):
         return spikes
     if _shaken(rows, settings, i, n, 3 if j < 3 else 0) or _moved(rows, settings, i, n, j):
         return spikes
@@ -416,7 +433,7 @@ def screen(rows, n, begin, first, close, settings, found):
     # The last row that is unlike its neighbours: near it nothing is learnt.
     odd = -1
     for k in range(max(begin - 2 * REACH, 0), begin):
-        if rows[k, 10] > 0.0:
+        if rows[k, 10] != 0.0:
             odd = k
     i = begin
     while i < n if close else i + AHEAD < n:
@@ -434,7 +451,7 @@ def screen(rows, n, begin, first, close, settings, found):
         elif 0 < i < n - 1:
             for j in range(6):
                 spikes = _judge(rows, n, i, j, settings, found, spikes)
-        if rows[i, 10] > 0.0:
+        if rows[i, 10] != 0.0:
             odd = i
         if i >= 2 * REACH and odd <= i - 2 * REACH:
             _update(rows, i - REACH, n, settings, ways, limits)

@@ -147,8 +147,7 @@ def without_spikes(record: ImuRecord) -> tuple[ImuRecord, tuple[Spike, ...]]:
     rows[:, 0] = np.arange(1, n + 1)
     rows[:, 1] = record.time
     rows[:, 2:5], rows[:, 5:8] = record.dtheta, record.dvel
-    # Samples of another length stand beside the others as rows beside a gap do.
-    rows[:, 10] = np.abs(record.dt / np.median(record.dt) - 1.0) > 0.2
+    rows[:, 10] = np.where(np.abs(record.dt / np.median(record.dt) - 1.0) > 0.2, -1.0, 0.0)
     settings = np.zeros((6, k.SETTING))
     first = min(n, WARM_UP)
     k.smallest(settings, float(np.median(record.dt)), True)
