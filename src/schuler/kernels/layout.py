@@ -128,6 +128,8 @@ SUMMARY = {
         (
             Entries(0, 0, 0.0, blocks.CAPACITY - 1.0, True), Entries(1, 1, 1.0, COUNT, True),
             Entries(2, 2, 0.0, COUNT, True), Entries(3, 4, 0.0), Entries(5, 5, 0.0, COUNT, True),
+            Entries(18, 19, 0.0), Entries(20, 20, 0.0, COUNT, True),
+            Entries(27, 27, 0.0, COUNT, True),
         ),
     ),
     "summary_table": ArrayLayout(
@@ -355,7 +357,10 @@ def check_summary(arrays: Mapping[str, Array]) -> None:
     _require(len(table) > rows, "array 'summary_table' has fewer rows than is said")
     _require(not table[rows + 1 :].any(), "array 'summary_table' has rows beyond its end")
     _require(table[:, 2].sum() == s[2], "array 'summary_table' miscounts its samples")
-    _require(s[5] == max(0.0, s[2] - 2.0), "array 'summary' miscounts its differences")
+    _require(
+        s[5] == max(0.0, s[2] - 2.0) and s[20] == max(0.0, s[27] - 2.0) and s[27] <= s[2],
+        "array 'summary' miscounts its differences",
+    )
     used = table[: rows + (table[rows, 2] > 0.0)]
     _require(
         np.all(used[:, 2] >= 1.0) and np.all(used[:, 1] > 0.0) and np.all(np.diff(used[:, 0]) > 0),
