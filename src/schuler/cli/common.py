@@ -123,6 +123,10 @@ file_options = _stack(
             help="Write what was said into FILE.toml, so that it is typed once.",
         ),
         click.option("--max-gap", type=Seconds(0.0), help="Longest gap that is bridged."),
+        click.option(
+            "--keep-spikes", is_flag=True,
+            help="Take single samples far beyond their neighbours as they are.",
+        ),
         click.option("--start", type=Seconds(), help="Use the record from this time on."),
         click.option("--stop", type=Seconds(), help="Use the record up to this time."),
     ]
@@ -185,7 +189,13 @@ def open_file(
     given = (base or Mapping()).merged(Mapping.from_cli(**said))
     if save and str(path) == "-":
         raise InputError("--save-mapping: standard input has no place to save it beside")
-    source = open_source(path, given, max_gap=options.pop("max_gap"), wait=wait)
+    source = open_source(
+        path,
+        given,
+        max_gap=options.pop("max_gap"),
+        keep_spikes=options.pop("keep_spikes"),
+        wait=wait,
+    )
 
     def finish() -> None:
         if save:

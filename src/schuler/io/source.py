@@ -46,6 +46,8 @@ class Source:
         over what the file says of itself, and that over the folder's ``schuler-mapping.toml``.
     max_gap : float, optional
         Longest gap that is bridged, s; six and a half sampling intervals when not given.
+    keep_spikes : bool
+        Take single bad samples as they are (`schuler.record.Intake`).
     wait : float, optional
         How long to wait for the first whole row of a text file that has only begun to grow, or
         for standard input's first byte, s; not at all, when not given.
@@ -82,6 +84,7 @@ class Source:
         mapping: Mapping | None = None,
         *,
         max_gap: float | None = None,
+        keep_spikes: bool = False,
         wait: float | None = None,
     ) -> None:
         self.path = Path(path)
@@ -90,6 +93,7 @@ class Source:
         self._spooled: Spooled | None = None
         self._label = "standard input" if self.path == Path("-") else str(path)
         self._max_gap = max_gap
+        self._keep_spikes = keep_spikes
         self._quality: Quality | None = None
         self._intake: Intake | None = None
         try:
@@ -190,6 +194,7 @@ class Source:
             self._meaning.kind,
             rate=m.rate,
             max_gap=self._max_gap,
+            keep_spikes=self._keep_spikes,
             coning_corrected=bool(m.coning_corrected),
             sculling_corrected=bool(m.sculling_corrected),
             name=content.name if content.name is not None else default,
@@ -319,8 +324,8 @@ class Source:
     ) -> Iterator[ImuRecord]:
         """Yield samples as a text file grows, or as standard input brings them.
 
-        Only whole lines are taken. The first samples wait until 256 rows are there, unless the
-        rate is given; later ones come at once.
+        Only whole lines are taken. The first samples wait until 256 rows are there; later ones
+        until eight rows after them show that they are good.
 
         Parameters
         ----------

@@ -18,11 +18,14 @@ SHORT = 8
 HISTORY = 512
 """Rows that are kept before a gap."""
 
-_TRIED = 64
+_TRIED = 128
 """Rows on which ways of filling are tried."""
 
 _LEAST = 8
 """Trials that decide; with fewer the polynomial is taken."""
+
+_BETTER = 2.0
+"""A polynomial's squared error must be so many times smaller: a few trials scatter."""
 
 
 @kernel
@@ -92,6 +95,8 @@ def fill(history, newest, before, rows, i, after, lost):
                     off -= history[(base + side + k) % h, j]
                 cost += off * off
             cost = cost / trials if trials >= _LEAST else float(way)
+            if way < 2:
+                cost *= _BETTER
             if cost < best[j]:
                 best[j] = cost
                 for k in range(lost):

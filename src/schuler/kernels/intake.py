@@ -281,7 +281,7 @@ def integrate(state, history, kind, nominal, rows, begin, end, close, out_t, out
         dt = nominal if state[78] == 0.0 else ti - state[79]
         if lost > 0 and state[78] == 1.0:
             # Rows that follow without another gap.
-            wanted = 3 if lost <= SHORT else min(lost, HISTORY)
+            wanted = min(max(lost, 3), HISTORY)
             after = 1
             while after < wanted and i + after < end and rows[i + after, 9] == 0.0:
                 after += 1
