@@ -21,7 +21,7 @@ ROW = 15
 STATE_SIZE = 28
 CAPACITY = 8192
 
-SAME = 1e-12
+SAME = 1e-9
 """Rates that differ by less repeat, but for rounding."""
 
 

@@ -28,7 +28,7 @@ _WARM_UP = 256
 _JITTER = 0.1
 """Part of the nominal interval that a sample's may be off."""
 
-_SAME = 1e-12
+_SAME = 1e-9
 """Values that differ by less repeat, but for rounding."""
 
 _LEAST_RUNS = 10
