@@ -152,47 +152,110 @@ def check(state, nominal, max_gap, t, x, out, steps=None):
     return m, OK, -1
 
 
-@helper
-def _look(state, rows, i):
-    """Count what the channels look like: extremes, runs, sums."""
+@kernel
+def look(state, rows, begin, end):
+    """Count what the channels look like: extremes, runs, sums.
+
+    Parameters
+    ----------
+    state : (STATE_SIZE,) float64
+    rows : (n, ROW) float64
+    begin, end : int
+        Rows to look at.
+    """
+    if begin == end:
+        return
     first = state[72] == 0.0
-    state[72] += 1.0
+    state[72] += end - begin
     for part in range(2):
-        same = not first
-        for j in range(3 * part, 3 * part + 3):
-            same = same and rows[i, 2 + j] == state[94 + j]
+        x, y, z = 2 + 3 * part, 3 + 3 * part, 4 + 3 * part
         k = 86 + 4 * part
-        if first or same:
-            state[k] += 1.0
-        else:
-            if state[k + 1] >= 1.0:
-                state[k + 2] = state[k] if state[k + 1] == 1.0 else min(state[k + 2], state[k])
-                state[k + 3] = max(state[k + 3], state[k])
-            state[k + 1] += 1.0
-            state[k] = 1.0
+        run, changes, shortest, longest = state[k], state[k + 1], state[k + 2], state[k + 3]
+        a, b, c = state[92 + x], state[92 + y], state[92 + z]
+        total = state[76 + part]
+        for i in range(begin, end):
+            d, e, f = rows[i, x], rows[i, y], rows[i, z]
+            if (first and i == begin) or (d == a and e == b and f == c):
+                run += 1.0
+            else:
+                if changes >= 1.0:
+                    shortest = run if changes == 1.0 else min(shortest, run)
+                    longest = max(longest, run)
+                changes += 1.0
+                run = 1.0
+            a, b, c = d, e, f
+            total += math.sqrt(d * d + e * e + f * f)
+        state[k], state[k + 1], state[k + 2], state[k + 3] = run, changes, shortest, longest
+        state[76 + part] = total
     for j in range(6):
-        v = rows[i, 2 + j]
-        a = abs(v)
-        run = 1.0
-        if not first and v == state[94 + j]:
-            run = state[36 + j] + 1.0
-        state[94 + j] = v
-        state[36 + j] = run
-        state[54 + j] = max(state[54 + j], run)
-        if a > state[30 + j]:
-            state[30 + j] = a
-            state[42 + j] = run
-            state[48 + j] = 0.0
-        elif a == state[30 + j]:
-            state[42 + j] = max(state[42 + j], run)
-            if run == 3.0:
-                state[48 + j] += 3.0
-            elif run > 3.0:
-                state[48 + j] += 1.0
-        state[60 + j] += v
-        state[66 + j] += v * v
-    state[76] += math.sqrt(rows[i, 2] ** 2 + rows[i, 3] ** 2 + rows[i, 4] ** 2)
-    state[77] += math.sqrt(rows[i, 5] ** 2 + rows[i, 6] ** 2 + rows[i, 7] ** 2)
+        before, run, most = state[94 + j], state[36 + j], state[54 + j]
+        largest, at_largest, rows_there = state[30 + j], state[42 + j], state[48 + j]
+        total, squares = state[60 + j], state[66 + j]
+        for i in range(begin, end):
+            v = rows[i, 2 + j]
+            a = abs(v)
+            run = run + 1.0 if v == before and not (first and i == begin) else 1.0
+            before = v
+            most = max(most, run)
+            if a > largest:
+                largest, at_largest, rows_there = a, run, 0.0
+            elif a == largest:
+                at_largest = max(at_largest, run)
+                if run == 3.0:
+                    rows_there += 3.0
+                elif run > 3.0:
+                    rows_there += 1.0
+            total += v
+            squares += v * v
+        state[94 + j], state[36 + j], state[54 + j] = before, run, most
+        state[30 + j], state[42 + j], state[48 + j] = largest, at_largest, rows_there
+        state[60 + j], state[66 + j] = total, squares
+
+
+@kernel
+def _plain(state, history, kind, m, rows, begin, end, out_t, out_dt, out, values):
+    """Integrate rows without gaps that follow an integrated one; return the number of samples."""
+    last, before = state[79], state[4]
+    even = state[2] == 1.0
+    for i in range(begin, end):
+        ti, step = rows[i, 1], rows[i, 8]
+        dt = ti - last
+        out_t[m] = ti
+        out_dt[m] = dt if step == 0.0 else step
+        if kind == RATES:
+            three = even and abs(dt - before) < 0.01 * dt
+            for j in range(6):
+                v = rows[i, 2 + j]
+                left = rows[i - 1, 2 + j] if i > begin else state[5 + j]
+                if three:
+                    left2 = rows[i - 2, 2 + j] if i > begin + 1 else (
+                        state[5 + j] if i > begin else state[11 + j]
+                    )  # fmt: skip
+                    s = (5.0 * v + 8.0 * left - left2) / 12.0
+                else:
+                    s = 0.5 * (v + left)
+                out[m, j] = s * dt
+                values[m + 1, j] = v
+        elif kind == MEAN_RATES:
+            for j in range(6):
+                out[m, j] = rows[i, 2 + j] * dt
+        else:
+            for j in range(6):
+                out[m, j] = rows[i, 2 + j]
+        m += 1
+        last, before, even = ti, dt, True
+    n = end - begin
+    for j in range(6):
+        state[11 + j] = rows[end - 2, 2 + j] if n > 1 else state[5 + j]
+        state[5 + j] = rows[end - 1, 2 + j]
+    # Only the last of them stay in the history.
+    for i in range(max(begin, end - HISTORY), end):
+        slot = (int(state[100]) + i - begin) & (HISTORY - 1)
+        for j in range(6):
+            history[slot, j] = rows[i, 2 + j]
+    state[100] += n
+    state[2], state[4], state[79] = 1.0, before, last
+    return m
 
 
 @helper
@@ -274,8 +337,17 @@ def integrate(state, history, kind, nominal, rows, begin, end, close, out_t, out
     m = 0
     for j in range(6):
         values[0, j] = state[5 + j]
-    for i in range(begin, end):
+    i = begin
+    while i < end:
         lost = int(rows[i, 9])
+        if lost == 0 and state[78] == 1.0:
+            stop = i + 1
+            while stop < end and rows[stop, 9] == 0.0:
+                stop += 1
+            look(state, rows, i, stop)
+            m = _plain(state, history, kind, m, rows, i, stop, out_t, out_dt, out, values)
+            i = stop
+            continue
         ti = rows[i, 1]
         step = rows[i, 8]
         dt = nominal if state[78] == 0.0 else ti - state[79]
@@ -317,9 +389,11 @@ def integrate(state, history, kind, nominal, rows, begin, end, close, out_t, out
                         out[slot, j] = mean[j] * (span / nominal) + rows[i, 2 + j]
                 state[2] = 0.0
                 state[101] += lost
-                _look(state, rows, i)
+                look(state, rows, i, i + 1)
+                i += 1
                 continue
             state[101] += lost
-        _look(state, rows, i)
+        look(state, rows, i, i + 1)
         m = _put(state, history, kind, m, ti, dt, step, rows, i, 2, out_t, out_dt, out, values)
+        i += 1
     return m, end

@@ -269,7 +269,7 @@ class Intake:
             return
         if start:
             assert self._nominal is not None
-            k.smallest(self._settings, self._nominal, self.kind == "increments")
+            k.set_smallest(self._settings, self._nominal, self.kind == "increments")
             k.learn(self._rows, first, self._settings)
         found = np.empty((allowed(int(self._state[0])) - len(self._found) + 1, 5))
         self._screened, count = k.screen(

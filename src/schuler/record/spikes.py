@@ -150,7 +150,7 @@ def without_spikes(record: ImuRecord) -> tuple[ImuRecord, tuple[Spike, ...]]:
     rows[:, 10] = np.where(np.abs(record.dt / np.median(record.dt) - 1.0) > 0.2, -1.0, 0.0)
     settings = np.zeros((6, k.SETTING))
     first = min(n, WARM_UP)
-    k.smallest(settings, float(np.median(record.dt)), True)
+    k.set_smallest(settings, float(np.median(record.dt)), True)
     k.learn(rows, first, settings)
     found = np.empty((allowed(n) + 1, 5))
     _, count = k.screen(rows, n, 0, first, True, settings, found)
