@@ -31,6 +31,7 @@ _BAG = "metadata.yaml"
 _HEAD = 1 << 16
 _LONG_HEAD = 1 << 20
 _POLL = 0.2
+_FEW = 64
 _PIPE = "is a pipe, which cannot be followed by its name; give - and lead it to standard input"
 
 
@@ -242,11 +243,21 @@ class Source:
         self._intake = intake = self._new_intake(self._content)
         try:
             empty = True
+            # The last rows, which wait for none to follow, belong to the piece before them.
+            held: ImuRecord | None = None
             for record in self._records(intake, start, stop):
-                piece = record.between(start, stop) if (start, stop) != (None, None) else record
-                empty = empty and not len(piece)
-                if len(piece):
-                    yield from piece.chunks(size)
+                part = record.between(start, stop) if (start, stop) != (None, None) else record
+                empty = empty and not len(part)
+                for piece in part.chunks(size):
+                    if held is None:
+                        held = piece
+                    elif len(piece) <= _FEW and len(held) + len(piece) <= size:
+                        held = ImuRecord.concatenate([held, piece])
+                    else:
+                        yield held
+                        held = piece
+            if held is not None:
+                yield held
             lost = intake.quality()
             if empty and lost.rows and lost.not_finite == lost.rows:
                 raise InputError(
