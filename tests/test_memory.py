@@ -18,7 +18,7 @@ pytestmark = [
 ]
 
 ROWS = 2_000_000
-LIMIT_MB = 400.0
+LIMIT_MB = 450.0
 
 
 @pytest.fixture(scope="module")

@@ -90,7 +90,7 @@ def test_a_driver_killed_three_times_goes_on(scene_file, undisturbed, tmp_path, 
         below = descendants(process)
         if process.poll() is None:
             os.kill(process.pid, signal.SIGKILL)
-        process.communicate(timeout=60)
+        process.communicate(timeout=300)
         # Nobody works on for a driver that is gone.
         _, alive = psutil.wait_procs(below, timeout=30)
         assert not alive

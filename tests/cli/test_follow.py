@@ -25,12 +25,18 @@ Run = Callable[..., Ran]
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and pipes of POSIX")
 
 
+def listen_to_interrupts() -> None:
+    """Undo what a caller may have said: a test in the background ignores Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @contextmanager
 def schuler(*arguments: object) -> Iterator[subprocess.Popen[str]]:
     """Run a command beside the test; end it if the test has not."""
     with subprocess.Popen(
         [sys.executable, "-W", "error", "-m", "schuler", *map(str, arguments)],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        preexec_fn=listen_to_interrupts,
     ) as process:  # fmt: skip
         try:
             yield process
@@ -64,7 +70,7 @@ def test_a_file_that_grows_from_nothing(run: Run, csv: Path, tmp_path: Path) -> 
             assert process.poll() is None
             with path.open("a") as file:
                 file.write(text[begin:end])
-        out_text, err = process.communicate(timeout=60)
+        out_text, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
     assert "Traceback" not in err
     assert json.loads(out.read_text()) == expected(run, csv)
@@ -103,7 +109,7 @@ def test_a_pipe_that_says_nothing() -> None:
 
 def test_a_pipe_that_ends(run: Run, csv: Path) -> None:
     with schuler("align", "-", *PLACE, "--follow", "--json", "-") as process:
-        out, _ = process.communicate(csv.read_text(), timeout=60)
+        out, _ = process.communicate(csv.read_text(), timeout=300)
     assert process.returncode == 0
     assert json.loads(out) == expected(run, csv)
 
@@ -114,7 +120,7 @@ def test_interrupt_gives_the_result_so_far(csv: Path) -> None:
         first = process.stdout.readline()  # it is at work: the way to end is Ctrl-C
         assert "heading" in first
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=60)
+        out, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
     assert "Traceback" not in err
     assert "1199 samples" in out
@@ -125,9 +131,9 @@ def test_interrupt_before_the_first_row(tmp_path: Path) -> None:
     path = tmp_path / "live.csv"
     path.touch()
     with schuler("align", path, *PLACE, "--follow") as process:
-        time.sleep(3.0)
+        time.sleep(6.0)
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=300)
     assert process.returncode == 130
     assert err == "\nschuler: stopped\n"
 
@@ -136,7 +142,7 @@ def test_a_bad_row_while_following(csv: Path, tmp_path: Path) -> None:
     path = tmp_path / "live.csv"
     path.write_text(csv.read_text() + "60.05,1,2,x,4,5,6\n")
     with schuler("align", path, *PLACE, "--follow") as process:
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=300)
     assert process.returncode == 2
     assert err.startswith(f"schuler: {path}: line 1202, column 'gz': 'x'")
 

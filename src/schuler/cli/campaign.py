@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler.cli.command import Command, add_input, echo, wants_text
-from schuler.cli.common import emit_json, json_option, report_option
+from schuler.cli.common import emit_json, json_option, report_option, say_warnings
 from schuler.cli.completion import methods, scenarios
 from schuler.cli.parameters import Count, InputFile
 
@@ -84,6 +84,7 @@ def command(**options: Any) -> None:
             progress=progress,
         )  # fmt: skip
     scatters = results.scatters()
+    say_warnings(results.notes)
     if options["json_to"] is not None:
         emit_json(_summary(results, scatters), options["json_to"])
     if options["report_to"] is not None:
