@@ -229,7 +229,7 @@ def test_standard_input_errors(monkeypatch: pytest.MonkeyPatch) -> None:
         read("-")
 
 
-def test_follow_passes_whole_lines_on_at_once(put: Put) -> None:
+def test_follow_passes_whole_lines_on_when_eight_more_are_there(put: Put) -> None:
     rows = make_rows(300)
     lines = make_text(rows).splitlines(keepends=True)
     path = put("".join(lines[:290]))
@@ -251,7 +251,7 @@ def test_follow_passes_whole_lines_on_at_once(put: Put) -> None:
 
     # `stop` is asked once after each piece and once at each quiet look.
     got = [len(part) for part in source.follow(poll=0.005, idle=0.05, stop=stop)]
-    assert got[0] == 288
+    assert got[0] == 280
     assert 1 in got
     assert sum(got) == 299
     assert source.quality is not None
@@ -266,9 +266,14 @@ def test_follow_gives_the_same_bits_and_the_short_rest(put: Put, rows: Array) ->
     assert same(ImuRecord.concatenate(parts), rates(rows))
 
 
-def test_follow_with_a_rate_waits_for_nothing(put: Put, rows: Array) -> None:
-    source = open_source(put(make_text(rows)), rate=100)
-    assert len(next(source.follow())) == 39
+def test_follow_with_a_rate_waits_for_256_rows_too(put: Put) -> None:
+    text = make_text(make_rows(300)).splitlines(keepends=True)
+    source = open_source(put("".join(text)), rate=100)
+    following = source.follow()
+    assert len(next(following)) == 291
+    following.close()  # type: ignore[attr-defined]
+    short = open_source(put("".join(text[:200])), rate=100)
+    assert [len(part) for part in short.follow(poll=0.001, idle=0.002)] == [198]
 
 
 def test_follow_errors(put: Put, rows: Array, tmp_path: Path) -> None:

@@ -1,10 +1,11 @@
-"""The door's kernel: what it writes, what it counts, where it stops."""
+"""The kernels that check and integrate rows: what they write, count, fill, and where they stop."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from schuler.kernels import gaps
 from schuler.kernels import intake as k
 
 
@@ -12,8 +13,15 @@ def feed(kind, t, x, nominal=0.01, max_gap=0.065, state=None):
     """Return state, samples (time, dt, values), code and row."""
     t, x = np.asarray(t, float), np.asarray(x, float)
     state = np.zeros(k.STATE_SIZE) if state is None else state
-    out_t, out_dt, out = np.empty(len(t)), np.empty(len(t)), np.empty((len(t), 6))
-    m, code, row = k.intake(state, kind, nominal, max_gap, t, x, out_t, out_dt, out)
+    rows = np.empty((len(t), k.ROW))
+    n, code, row = k.check(state, nominal, max_gap, t, x, rows)
+    size = len(t) + int(np.minimum(rows[:n, 9], gaps.SHORT).sum())
+    out_t, out_dt, out = np.empty(size), np.empty(size), np.empty((size, 6))
+    m, end = k.integrate(
+        state, np.zeros((gaps.HISTORY, 6)), kind, nominal, rows, 0, n, True, out_t, out_dt, out,
+        np.empty((size + 1, 6)),
+    )  # fmt: skip
+    assert end == n
     return state, (out_t[:m], out_dt[:m], out[:m]), code, row
 
 
@@ -58,30 +66,70 @@ def test_uneven_grid_takes_the_trapezoid():
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_a_row_that_is_not_finite_is_dropped_and_its_place_kept(bad):
-    t, x = ramp(10)
-    x[3, 4] = bad
-    x[7, 0] = bad
-    state, (time, dt, out), code, _ = feed(k.MEAN_RATES, t, x)
+def test_a_row_that_is_not_finite_is_dropped_and_filled(bad):
+    t, x = ramp(30)
+    spoilt = x.copy()
+    spoilt[13, 4] = bad
+    spoilt[17, 0] = bad
+    state, (time, dt, out), code, _ = feed(k.MEAN_RATES, t, spoilt)
     assert code == k.OK
     assert state[17] == 2
-    assert (state[26], state[27], state[28]) == (4, 4, t[3])
-    np.testing.assert_array_equal(time, np.delete(t, [3, 7]))
-    # The next row's rate is held over the hole, so that no time is lost.
-    assert dt.sum() == pytest.approx(0.1, rel=1e-14, abs=0)
-    np.testing.assert_allclose(out[3], x[4] * 0.02, rtol=1e-12)
+    assert (state[26], state[27], state[28]) == (14, 4, t[13])
+    assert (state[72], state[101]) == (28, 2)
+    # On a straight line nothing is lost.
+    np.testing.assert_allclose(time, t, rtol=1e-12)
+    np.testing.assert_allclose(dt, 0.01, rtol=1e-12)
+    np.testing.assert_allclose(out, x * 0.01, rtol=1e-9)
 
 
-def test_an_increment_that_ends_a_gap_is_held_over_it():
-    t, x = ramp(6)
-    t[3:] += 0.03
-    state, (_, dt, out), code, _ = feed(k.INCREMENTS, t, x)
+@pytest.mark.parametrize("kind", [k.RATES, k.MEAN_RATES, k.INCREMENTS])
+@pytest.mark.parametrize("lost", [1, 3, 8])
+def test_a_short_gap_in_a_sway_is_interpolated(kind, lost):
+    t = 0.01 * np.arange(1, 301)
+    x = np.sin(2 * np.pi * t)[:, None] * np.arange(1, 7)
+    keep = np.ones(300, bool)
+    keep[150 : 150 + lost] = False
+    state, (time, dt, out), code, _ = feed(kind, t[keep], x[keep], max_gap=1.0)
+    _, (_, _, whole), _, _ = feed(kind, t, x)
     assert code == k.OK
-    assert (state[19], state[24], state[25]) == (1, t[2], 4)
-    assert state[20] == pytest.approx(0.04)
-    np.testing.assert_allclose(dt[3], 0.04, rtol=1e-12)
-    np.testing.assert_allclose(out[3], 4.0 * x[3], rtol=1e-12)
-    np.testing.assert_array_equal(np.delete(out, 3, axis=0), np.delete(x, 3, axis=0))
+    assert (state[19], state[101]) == (1, lost)
+    assert state[20] == pytest.approx(0.01 * (lost + 1))
+    np.testing.assert_allclose(time, t[1:] if kind == k.RATES else t, rtol=1e-9)
+    np.testing.assert_allclose(dt, 0.01, rtol=1e-6)
+    # A held value would be off by 2 pi 0.01 for each lost row.
+    np.testing.assert_allclose(out, whole, atol=2e-5 * np.abs(whole).max())
+
+
+def test_where_there_is_noise_alone_it_is_not_multiplied():
+    rng = np.random.default_rng(3)
+    t = 0.01 * np.arange(1, 301)
+    off = []
+    for _ in range(100):
+        x = rng.normal(size=(300, 6))
+        keep = np.ones(300, bool)
+        keep[150:158] = False
+        _, (_, _, out), _, _ = feed(k.INCREMENTS, t[keep], x[keep], max_gap=1.0)
+        off.append(out[150:158].sum(axis=0))
+    # Eight times the mean of sixteen rows; the quintic's sum would have forty times the noise.
+    assert np.std(off) == pytest.approx(8.0 / 4.0, rel=0.12)
+
+
+@pytest.mark.parametrize("kind", [k.RATES, k.MEAN_RATES, k.INCREMENTS])
+def test_a_long_gap_gets_the_mean_of_as_many_rows_on_each_side(kind):
+    rng = np.random.default_rng(4)
+    t = 0.01 * np.arange(1, 401)
+    x = rng.normal(size=(400, 6))
+    keep = np.ones(400, bool)
+    keep[200:220] = False
+    state, (_, dt, out), code, _ = feed(kind, t[keep], x[keep], max_gap=1.0)
+    assert code == k.OK
+    assert (state[19], state[101]) == (1, 20)
+    at = int(np.argmax(dt))
+    assert dt[at] == pytest.approx(0.21)
+    mean = 0.5 * (x[180:200].mean(axis=0) + x[220:240].mean(axis=0))
+    scale = 0.01 if kind == k.MEAN_RATES else 1.0
+    want = 0.21 * mean if kind == k.RATES else scale * (20 * mean + x[220])
+    np.testing.assert_allclose(out[at], want, rtol=1e-9)
 
 
 @pytest.mark.parametrize(

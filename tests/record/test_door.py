@@ -149,8 +149,9 @@ def test_the_row_is_counted_over_chunks():
     t = rows(20)
     x = np.arange(120.0).reshape(20, 6)
     intake.push(t[:8], x[:8])
+    intake.push(t[8:] + 1.0, x[8:])
     with pytest.raises(InputError, match=r"data row 9 \(t = 1.09 s\): a gap of 1.01 s"):
-        intake.push(t[8:] + 1.0, x[8:])
+        intake.close()
 
 
 def test_max_gap_lets_a_gap_through():
@@ -241,8 +242,9 @@ def test_intervals_need_increments():
 def test_rows_left_out_before_count():
     intake = Intake("increments", rate=100.0)
     intake.skip(1000)
+    intake.push(np.array([0.01, 0.02, 0.01]), np.zeros((3, 6)))
     with pytest.raises(InputError, match=r"data row 1003 \(t = 0.01 s\): time goes backward"):
-        intake.push(np.array([0.01, 0.02, 0.01]), np.zeros((3, 6)))
+        intake.close()
 
 
 # -- any chunking gives the same bits ------------------------------------------------------
@@ -254,6 +256,7 @@ def troubled(n=700):
     t = rows(n) + rng.normal(scale=2e-4, size=n)
     x = rate(t)
     x[[50, 300, 301], [1, 3, 0]] = math.nan
+    x[[0, 90, 450, 699], [2, 4, 0, 5]] += 30.0
     keep = np.ones(n, bool)
     keep[[120, 121, 260, 600]] = False
     t, x = t[keep], x[keep]
@@ -274,7 +277,10 @@ def test_chunking_does_not_matter(kind, cuts, rate):
 
     whole, quality = run([slice(0, len(t))])
     cut, cut_quality = run(pieces(len(t), cuts))
-    for field in ("time", "dt", "dtheta", "dvel"):
+    for field in ("time", "dt", "dtheta", "dvel", "values"):
         np.testing.assert_array_equal(getattr(cut, field), getattr(whole, field))
     assert cut_quality == quality
     assert (quality.not_finite, quality.repeated, quality.gaps) == (3, 1, 5)
+    assert [(s.channel, s.row) for s in quality.spikes] == [
+        ("gyro z", 1), ("accel y", 91), ("gyro x", 449), ("accel z", 697),
+    ]  # fmt: skip

@@ -55,7 +55,7 @@ def test_gaps(rng):
     keep = np.ones(len(t), bool)
     keep[500:503] = keep[1200] = False
     assert quality_of(t[keep], x[keep]).warnings() == [
-        "2 gap(s) bridged by holding the rate, the first after t = 5 s, the longest 0.04 s"
+        "2 gap(s) bridged by interpolation, the first after t = 5 s, the longest 0.04 s"
     ]
 
 

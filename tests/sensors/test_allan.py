@@ -260,7 +260,7 @@ def test_known_noise_is_found_within_its_sigmas(case, kind):
         fit = fit_noise(allan(noisy(*specs, 360_000, seed), kind=kind))
         for name, channel in fit.channels.items():
             for term, found in channel.terms.items():
-                truth = getattr(specs[0 if name.startswith("gyro") else 1], term)
+                truth = getattr(specs[0 if name.startswith("gyro") else 1], term, 0.0)
                 if truth:
                     assert found.value is not None, (name, term)
                     z.setdefault(f"{name[:4]} {term}", []).append(
@@ -367,7 +367,7 @@ def test_json_has_the_field_s_units():
     a = data["channels"]["accel_z"]
     np.testing.assert_allclose(np.array(a["upper"]) * 1e-6 * STANDARD_GRAVITY, found.upper[:, 5])
     assert set(x["fit"]) == {
-        "quantisation", "angle_random_walk", "bias_instability", "rate_random_walk",
+        "quantisation", "angle_random_walk", "bias_instability", "rate_random_walk", "rate_ramp",
     }  # fmt: skip
     assert to_dict(found)["channels"]["gyro_x"]["fit"] is None
 
@@ -502,3 +502,151 @@ def test_published_wavelet_variances_from_a_stream(adis, published):
         np.testing.assert_allclose(variance[short], rows[short, 1], rtol=5e-5)
         off = np.abs(variance / rows[:, 1] - 1.0) / np.sqrt(2.0 / found.edf[:, k])
         assert off.max() < 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+def test_published_wavelet_variances_at_default_options(data_dir, published):
+    """Every published point from instantaneous rates, as a file's options take them: to 1e-9."""
+    with np.load(data_dir / "adis16405_static_3h" / "adis16405_imu1.npz") as archive:
+        gyro = np.deg2rad(archive["gyro_counts"] * float(archive["gyro_lsb_deg_s"]))
+        accel = archive["accel_counts"] * float(archive["accel_lsb_g"])
+    record = ImuRecord.from_rates(0.01 * np.arange(len(gyro)), gyro, accel)
+    assert record.quality is not None
+    assert record.quality.spikes == ()
+    found = allan(record, published[0][:, 0])
+    first = np.rad2deg(found.deviation[:5, 0])
+    np.testing.assert_allclose(first, [0.31912, 0.25747, 0.19278, 0.13954, 0.10004], atol=1e-5)
+    for k, rows in enumerate(published):
+        unit = np.rad2deg(1.0) if k < 3 else 1.0
+        variance = (unit * found.deviation[:, k]) ** 2 / 2.0
+        np.testing.assert_allclose(variance, rows[:, 1], rtol=1e-8)
+
+
+# -- the values as they came -------------------------------------------------------------
+
+
+def rates_of(values, rate=100.0):
+    """Return a record of instantaneous rates: one series on each gyro, noise elsewhere."""
+    n = len(values)
+    accel = np.random.default_rng(0).normal(size=(n, 3))
+    gyro = np.column_stack([values, values, values])
+    return ImuRecord.from_rates(np.arange(1, n + 1) / rate, gyro, accel)
+
+
+def nist():
+    """Return the 1000 points of NIST SP 1065, section 12.4."""
+    n, out = 1234567890, []
+    for _ in range(1000):
+        out.append(n / 2147483647)
+        n = 16807 * n % 2147483647
+    return np.array(out)
+
+
+@pytest.mark.parametrize(
+    ("kind", "want"),
+    [
+        ("allan", (0.2922319, 0.09159953, 0.03241343)),
+        ("hadamard", (0.2943883, 0.09581083, 0.03237638)),
+        ("total", (0.2922319, 0.09134743, 0.03406530)),
+    ],
+)
+@pytest.mark.parametrize("size", [1000, 77])
+def test_the_published_test_set_as_instantaneous_rates(kind, want, size):
+    record = rates_of(nist(), 1.0)
+    assert len(record) == 999
+    found = allan(record.chunks(size) if size < 1000 else record, [1.0, 10.0, 100.0], kind)
+    assert found.samples == 1000
+    np.testing.assert_allclose(found.deviation[:, 0], want, rtol=2e-7)
+
+
+def test_white_rates_are_white_whatever_integrates_them():
+    rng = np.random.default_rng(5)
+    record = rates_of(0.05 * rng.normal(size=30_000))
+    assert allan(record).deviation[0, 0] == pytest.approx(0.05, rel=0.01)
+    # What integrates them colours them.
+    coloured = ImuRecord(record.time, record.dt, record.dtheta, record.dvel)
+    assert allan(coloured).deviation[0, 0] == pytest.approx(0.0319, rel=0.01)
+
+
+@pytest.mark.parametrize("kind", ["rates", "mean-rates", "increments"])
+@pytest.mark.parametrize("size", [10**6, 999])
+def test_values_that_repeat_are_taken_once(kind, size):
+    """A sensor of 100 Hz in a record of 500 Hz: the noise of 100 Hz."""
+    rng = np.random.default_rng(6)
+    x = np.repeat(0.05 * rng.normal(size=(6000, 6)), 5, axis=0)
+    t = np.arange(1, 30_001) / 500.0
+    make = {
+        "rates": ImuRecord.from_rates, "mean-rates": ImuRecord.from_mean_rates,
+        "increments": ImuRecord.from_increments,
+    }[kind]  # fmt: skip
+    scale = 1.0 / 500.0 if kind == "increments" else 1.0
+    record = make(t, scale * x[:, :3], scale * x[:, 3:])
+    assert record.quality is not None
+    assert record.quality.warnings() == ["values repeat five times: the sensor runs at 100 Hz"]
+    found = allan(record.chunks(size), [0.01, 0.1])
+    assert found.samples == pytest.approx(6000, abs=1)
+    assert found.interval == pytest.approx(0.01, rel=1e-9)
+    np.testing.assert_allclose(found.deviation[0], 0.05, rtol=0.03)
+    np.testing.assert_allclose(found.deviation[1], 0.05 / np.sqrt(10.0), rtol=0.08)
+
+
+# -- a steady drift ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["allan", "total"])
+def test_a_steady_drift_is_a_term_of_its_own(kind):
+    """20 records: the ramp within its sigmas (rms of z 0.4 to 1.6), no rate random walk."""
+    z = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        n, ramp = 18_000, 200.0 * np.deg2rad(1.0) / 3600.0**2
+        t = 0.1 * np.arange(1, n + 1)
+        rate = np.deg2rad(0.05) * rng.normal(size=n) + ramp * t
+        fit = fit_noise(allan(rates_of(rate, 10.0), None, kind))
+        terms = fit.channels["gyro_x"].terms
+        assert terms["rate_random_walk"].value is None
+        assert terms["rate_ramp"].value is not None
+        z.append((terms["rate_ramp"].value - ramp) / terms["rate_ramp"].sigma)
+        assert "rate_ramp" not in str(fit.to_spec())
+    assert 0.4 < np.sqrt(np.mean(np.square(z))) < 1.6
+
+
+def test_without_a_drift_no_ramp_is_found():
+    """24 channels of white noise: at one false term in 700, none."""
+    rng = np.random.default_rng(9)
+    for _ in range(4):
+        n = 20_000
+        record = ImuRecord.from_mean_rates(
+            0.01 * np.arange(1, n + 1), rng.normal(size=(n, 3)), rng.normal(size=(n, 3))
+        )
+        for channel, part in fit_noise(allan(record)).channels.items():
+            name = "rate_ramp" if channel.startswith("gyro") else "acceleration_ramp"
+            assert part.terms[name].value is None
+
+
+def test_hadamard_deviation_is_blind_to_a_ramp():
+    rng = np.random.default_rng(10)
+    rate = rng.normal(size=5000) + 1e-2 * np.arange(5000)
+    fit = fit_noise(allan(rates_of(rate), None, "hadamard"))
+    assert "rate_ramp" not in fit.channels["gyro_x"].terms
+    assert fit.curve("gyro_x", np.array([0.01]))[0] == pytest.approx(1.0, rel=0.05)
+
+
+# -- what a specification holds ----------------------------------------------------------
+
+
+def test_a_specification_says_which_bias_it_holds(tmp_path):
+    rng = np.random.default_rng(11)
+    fit = fit_noise(allan(rates_of(rng.normal(size=5000))))
+    path = tmp_path / "unit.toml"
+    save_spec(fit, path)
+    assert "no gyro or accelerometer bias is in it" in ImuSpec.from_toml(path).source
+    save_spec(fit, path, gyro_bias=np.deg2rad(0.01) / 3600.0, note="unit 7")
+    spec = ImuSpec.from_toml(path)
+    assert spec.source.endswith("no accelerometer bias is in it; unit 7")
+    assert spec.gyro.bias == pytest.approx(np.deg2rad(0.01) / 3600.0, rel=1e-3)
+    save_spec(fit, path, gyro_bias=1e-8, accel_bias=1e-4)
+    assert "bias is in it" not in ImuSpec.from_toml(path).source
+    with pytest.raises(InputError, match="the gyro bias must be 0 or more"):
+        save_spec(fit, path, gyro_bias=-1.0)

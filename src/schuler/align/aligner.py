@@ -29,7 +29,8 @@ from schuler.attitude import nearest_quat
 from schuler.constants import ARCMIN
 from schuler.earth import Site
 from schuler.errors import InputError
-from schuler.record import ImuRecord, Reading, Summariser
+from schuler.record import ImuRecord, Reading, Summariser, without_spikes
+from schuler.record.spikes import spikes_warning
 from schuler.sensors import ImuSpec, SensorArray, load_array, load_spec
 
 __all__ = ["Aligner", "align"]
@@ -376,7 +377,14 @@ def align(
     >>> fix = align(record, Site(34.246, 108.910, 380), spec="navigation-rlg")  # doctest: +SKIP
     >>> print(fix)  # doctest: +SKIP
     """
-    return Aligner(site, method, spec, at=at, array=array).update(record).solution()
+    said: list[str] = []
+    if record.quality is None and record.dtheta.shape[1] == record.dvel.shape[1] == 3:
+        # A record that was read has been looked through already.
+        record, spikes = without_spikes(record)
+        said = [spikes_warning(spikes)] if spikes else []
+    return (
+        Aligner(site, method, spec, at=at, array=array).update(record).solution().noting(said, {})
+    )
 
 
 # A method that is not in the union would fall through `estimate`'s branches unseen.

@@ -71,8 +71,10 @@ def check_state(arrays: Mapping[str, Array], depth: int, kind: str) -> None:
         len(before) and before[-1, 0] + 1 > expected
     ):
         raise LayoutError("array 'before' is out of order")
+    # The intake holds rows back until those after them show that they are good.
+    done = float(arrays["intake"][79])
     if arrays["intake_nominal"][0] and not (
-        samples and len(before) and last == before[-1, 1] == arrays["tracker_tail"][0, -1]
+        samples and len(before) and last == before[-1, 1] and done == arrays["tracker_tail"][0, -1]
     ):
         raise LayoutError("the arrays end at different times")
     if not arrays["intake_nominal"][0] and samples:
@@ -90,7 +92,10 @@ def _check_samples(arrays: Mapping[str, Array], kind: str) -> None:
             return
         most *= nominal or float(np.median(np.abs(np.diff(times))))
     last = arrays["intake"][5:17].reshape(2, 6)
-    rows = np.vstack([arrays["held"][:, 2:], arrays["before"][:, 2:], arrays["intake_rows"], last])
+    rows = np.vstack([
+        arrays["held"][:, 2:], arrays["before"][:, 2:], arrays["intake_rows"], last,
+        arrays["intake_pending"][:, 2:8], arrays["intake_history"],
+    ])  # fmt: skip
     if np.any(np.abs(rows[:, :3]) > most * LARGEST_RATE) or np.any(
         np.abs(rows[:, 3:]) > most * LARGEST_FORCE
     ):

@@ -52,12 +52,19 @@ __all__ = ["command"]
     metavar="OUT.toml",
     help="Write the fitted noise as a specification (--spec).",
 )
+@click.option(
+    "--gyro-bias", metavar="VALUE", help="Gyro bias for --save-spec (1 sigma), as '0.01 deg/h'."
+)
+@click.option(
+    "--accel-bias", metavar="VALUE", help="Accelerometer bias for --save-spec, as '50 ug'."
+)
+@click.option("--note", metavar="TEXT", help="Said in the specification of --save-spec.")
 def command(**options: Any) -> None:
     """Tell the noise of each sensor from FILE, a record of an instrument at rest.
 
     Averaging times are four an octave up to a third of the record when --taus is not given. The fit
-    finds quantisation, random walk, bias instability and rate random walk, with 1-sigma; a term
-    that the record does not show has a limit (95 %) instead.
+    finds quantisation, random walk, bias instability, rate random walk and a steady drift (rate
+    ramp), with 1-sigma; a term that the record does not show has a limit (95 %) instead.
 
     \b
       schuler allan static.csv --gyro deg/s --accel g --report noise.html
@@ -71,6 +78,7 @@ def command(**options: Any) -> None:
     kind, taus = options.pop("kind"), _times(options.pop("taus"))
     wanted = [name.replace("-", "_") for name in options.pop("channels")]
     json_to, report_to, spec_to = (options.pop(k) for k in ("json_to", "report_to", "save_spec"))
+    added = _added(spec_to, *(options.pop(k) for k in ("gyro_bias", "accel_bias", "note")))
     start, stop = options.pop("start"), options.pop("stop")
     source, finish = open_file(options)
     if report_to is not None:
@@ -99,11 +107,32 @@ def command(**options: Any) -> None:
 
         allan_report(found, fit, report_to)
     if spec_to is not None and fit is not None:
-        save_spec(fit, spec_to)
+        save_spec(fit, spec_to, **added)
     if wants_text():
         _print(found, fit)
     finish()
     say_warnings([*warnings, *look.notes(at_rest=False), *source.contradictions])
+
+
+def _added(
+    spec_to: str | None, gyro_bias: str | None, accel_bias: str | None, note: str | None
+) -> dict[str, Any]:
+    """Return what the specification is to hold that no record shows."""
+    from schuler.units import parse
+
+    if spec_to is None and (gyro_bias or accel_bias or note):
+        raise InputError("--gyro-bias, --accel-bias and --note go into a file: say --save-spec")
+    out: dict[str, Any] = {"note": note or ""}
+    for key, text, dimension in (
+        ("gyro_bias", gyro_bias, "angular rate"), ("accel_bias", accel_bias, "acceleration"),
+    ):  # fmt: skip
+        if text is not None:
+            out[key] = parse(text, dimension, f"--{key.replace('_', '-')}")
+            if out[key] < 0:
+                raise InputError(
+                    f"--{key.replace('_', '-')} '{text}' is negative; give a 1-sigma magnitude"
+                )
+    return out
 
 
 def _times(text: str | None) -> list[float] | None:

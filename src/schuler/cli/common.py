@@ -140,6 +140,10 @@ reading_options = _stack(
         click.option(
             "--stop", type=RecordTime(), help="Use the record up to this time, said likewise.",
         ),
+        click.option(
+            "--keep-spikes", is_flag=True,
+            help="Take single samples far beyond their neighbours as they are.",
+        ),
     ]
 )  # fmt: skip
 
@@ -208,7 +212,10 @@ def open_file(
     if save and str(path) == "-":
         raise InputError("--save-mapping: standard input has no place to save it beside")
     bias = None if spec is None else spec.gyro.bias
-    source = open_source(path, given, max_gap=options.pop("max_gap"), wait=wait, gyro_bias=bias)
+    source = open_source(
+        path, given, max_gap=options.pop("max_gap"), keep_spikes=options.pop("keep_spikes"),
+        wait=wait, gyro_bias=bias,
+    )  # fmt: skip
 
     def finish(notes: bool = True) -> None:
         # After the work: an error is one sentence.

@@ -43,6 +43,7 @@ def open_source(
     mapping: Mapping | str | Path | None = None,
     *,
     max_gap: float | None = None,
+    keep_spikes: bool = False,
     wait: float | None = None,
     gyro_bias: float | None = None,
     **mapping_overrides: Any,
@@ -58,6 +59,8 @@ def open_source(
         beside ``truck.csv`` is used by itself; what is given here wins over it.
     max_gap : float, optional
         Longest gap that is bridged, s; six and a half sampling intervals when not given.
+    keep_spikes : bool
+        Take single bad samples as they are, instead of naming them and leaving them out.
     wait : float, optional
         How long to wait for the first row of a text file that has only begun to grow, s.
     gyro_bias : float, optional
@@ -79,7 +82,9 @@ def open_source(
         mapping = Mapping.from_toml(mapping)
     if mapping_overrides:
         mapping = (mapping or Mapping()).merged(Mapping.from_cli(**mapping_overrides))
-    return Source(path, mapping, max_gap=max_gap, wait=wait, gyro_bias=gyro_bias)
+    return Source(
+        path, mapping, max_gap=max_gap, keep_spikes=keep_spikes, wait=wait, gyro_bias=gyro_bias
+    )
 
 
 def read(
@@ -89,13 +94,14 @@ def read(
     start: float | str | None = None,
     stop: float | str | None = None,
     max_gap: float | None = None,
+    keep_spikes: bool = False,
     **mapping_overrides: Any,
 ) -> ImuRecord:
     """Read a file into a record.
 
     Parameters
     ----------
-    path, mapping, max_gap, **mapping_overrides
+    path, mapping, max_gap, keep_spikes, **mapping_overrides
         As for `open_source`.
     start, stop : float or str, optional
         Read only this stretch of the file's own time, s; rows outside are not checked. With a
@@ -113,5 +119,7 @@ def read(
         the file, the row, its time and what to do.
     """
     Span.of(start, stop)  # a bad one is said before the file is opened
-    source = open_source(path, mapping, max_gap=max_gap, **mapping_overrides)
+    source = open_source(
+        path, mapping, max_gap=max_gap, keep_spikes=keep_spikes, **mapping_overrides
+    )
     return source.read(start=start, stop=stop)

@@ -25,6 +25,7 @@ class Whole:
         self.first: ImuRecord | None = None
         self._n = 0
         self._arrays: list[Array] = []
+        self._row_bytes = ROW_BYTES
 
     def add(self, part: ImuRecord, progress: float) -> None:
         """Take the next record, after which this fraction of all has been read (0 unknown)."""
@@ -32,30 +33,39 @@ class Whole:
         if self.first is None:
             self.first = part
             self._arrays = [np.empty(0), np.empty(0), np.empty((0, 3)), np.empty((0, 3))]
+            if part.values is not None:
+                # One row more: the values at the start of the first sample.
+                self._arrays.append(part.values[:1].copy())
+                self._row_bytes += 8 * part.values.shape[1]
         if n > len(self._arrays[0]):
             # What is never touched takes no memory, so the guess may be generous.
             guess = int(n / progress * 1.05) if 0.0 < progress < 1.0 else n
             # A damaged count must not ask for more than there is.
-            guess = min(guess, available_memory() // ROW_BYTES)
+            guess = min(guess, available_memory() // self._row_bytes)
             room = max(n, guess if self._n == 0 else n + n // 2)
-            if n * ROW_BYTES > available_memory():
+            if n * self._row_bytes > available_memory():
                 raise InputError(
                     f"its {n} rows and more do not fit into memory; take a part with --start and "
                     "--stop"
                 )
             for i, old in enumerate(self._arrays):
-                self._arrays[i] = np.empty((room, *old.shape[1:]))
-                self._arrays[i][: self._n] = old[: self._n]
-        sources = (part.time, part.dt, part.dtheta, part.dvel)
-        for array, piece in zip(self._arrays, sources, strict=True):
-            array[self._n : n] = piece
+                more = i // 4
+                self._arrays[i] = np.empty((room + more, *old.shape[1:]))
+                self._arrays[i][: self._n + more] = old[: self._n + more]
+        sources = [part.time, part.dt, part.dtheta, part.dvel]
+        if len(self._arrays) > 4:
+            assert part.values is not None
+            sources.append(part.values[1:])
+        for i, piece in enumerate(sources):
+            self._arrays[i][self._n + i // 4 : n + i // 4] = piece
         self._n = n
 
     def record(self, quality: Quality | None) -> ImuRecord:
         """Return all that was taken."""
         assert self.first is not None
-        time, dt, dtheta, dvel = (array[: self._n] for array in self._arrays)
-        return replace(self.first, time=time, dt=dt, dtheta=dtheta, dvel=dvel, quality=quality)
+        time, dt, dtheta, dvel = (array[: self._n] for array in self._arrays[:4])
+        whole = replace(self.first, time=time, dt=dt, dtheta=dtheta, dvel=dvel, quality=quality)
+        return whole.with_values(self._arrays[4][: self._n + 1] if len(self._arrays) > 4 else None)
 
 
 def prefetch(blocks: Iterator[Block]) -> Iterator[Block]:

@@ -36,6 +36,7 @@ _BAG = "metadata.yaml"
 _HEAD = 1 << 16
 _LONG_HEAD = 1 << 20
 _POLL = 0.2
+_FEW = 64
 _PIPE = "is a pipe, which cannot be followed by its name; give - and lead it to standard input"
 
 
@@ -51,6 +52,8 @@ class Source:
         over what the file says of itself, and that over the folder's ``schuler-mapping.toml``.
     max_gap : float, optional
         Longest gap that is bridged, s; six and a half sampling intervals when not given.
+    keep_spikes : bool
+        Take single bad samples as they are (`schuler.record.Intake`).
     wait : float, optional
         How long to wait for the first whole row of a text file that has only begun to grow, or
         for standard input's first byte, s; not at all, when not given.
@@ -91,6 +94,7 @@ class Source:
         mapping: Mapping | None = None,
         *,
         max_gap: float | None = None,
+        keep_spikes: bool = False,
         wait: float | None = None,
         gyro_bias: float | None = None,
     ) -> None:
@@ -104,6 +108,7 @@ class Source:
         self._max_gap = max_gap
         self._gyro_bias = gyro_bias
         self._working: tuple[int, ...] | None = None
+        self._keep_spikes = keep_spikes
         self._quality: Quality | None = None
         self._intake: Intake | None = None
         try:
@@ -234,6 +239,7 @@ class Source:
             self._meaning.kind,
             rate=m.rate,
             max_gap=self._max_gap,
+            keep_spikes=self._keep_spikes,
             coning_corrected=bool(m.coning_corrected),
             sculling_corrected=bool(m.sculling_corrected),
             name=content.name if content.name is not None else default,
@@ -281,11 +287,21 @@ class Source:
         self._intake = intake = self._new_intake(self._content)
         try:
             empty = True
+            # The last rows, which wait for none to follow, belong to the piece before them.
+            held: ImuRecord | None = None
             for record in self._records(intake, span):
-                piece = record.between(span.start, span.stop) if span.limited else record
-                empty = empty and not len(piece)
-                if len(piece):
-                    yield from piece.chunks(size)
+                part = record.between(span.start, span.stop) if span.limited else record
+                empty = empty and not len(part)
+                for piece in part.chunks(size):
+                    if held is None:
+                        held = piece
+                    elif len(piece) <= _FEW and len(held) + len(piece) <= size:
+                        held = ImuRecord.concatenate([held, piece])
+                    else:
+                        yield held
+                        held = piece
+            if held is not None:
+                yield held
             lost = intake.quality()
             if empty and lost.rows and lost.not_finite == lost.rows:
                 raise InputError(
@@ -409,8 +425,8 @@ class Source:
     ) -> Iterator[ImuRecord]:
         """Yield samples as a text file grows, or as standard input brings them.
 
-        Only whole lines are taken. The first samples wait until 256 rows are there, unless the
-        rate is given; later ones come at once.
+        Only whole lines are taken. The first samples wait until 256 rows are there; later ones
+        until eight rows after them show that they are good.
 
         Parameters
         ----------

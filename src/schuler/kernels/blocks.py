@@ -4,7 +4,8 @@ Table rows: 0 end time, 1 duration, 2 samples, 3-5 sum of dtheta, 6-8 sum of dve
 10 sum of |f|^2, 11 sum of |f|, 12 largest |w|, 13 largest |f|, 14 smallest |f|. State: 0 rows that
 are complete, 1 wanted length of a stretch (s), 2 samples, 3 sum of squared second differences of
 the angle rate, 4 the same of the force, 5 their count, 6-11 the rates one sample ago, 12-17 two
-samples ago.
+samples ago; 18-19, 20 the same sums and count over samples whose rates differ from those before,
+21-26 the rates before the last that differed, 27 how many have differed.
 
 When the table is full, neighbours are joined and the wanted length doubles: constant memory for
 any length and any chunking.
@@ -17,12 +18,15 @@ import math
 from schuler.kernels._jit import kernel
 
 ROW = 15
-STATE_SIZE = 18
+STATE_SIZE = 28
 CAPACITY = 8192
+
+SAME = 1e-9
+"""Rates that differ by less repeat, but for rounding."""
 
 
 @kernel
-def summarise(state, table, time, dt, dtheta, dvel):
+def summarise(state, table, time, dt, dtheta, dvel, values=None):
     """Feed a chunk of samples; row `state[0]` of the table is the stretch under way.
 
     Parameters
@@ -33,6 +37,8 @@ def summarise(state, table, time, dt, dtheta, dvel):
         Zero at the start.
     time, dt, dtheta, dvel : (n,), (n,), (n, 3), (n, 3) float64
         The samples, as in `ImuRecord`.
+    values : (n, 6) float64, optional
+        The rates as they came, to judge noise by; those of the increments when not given.
     """
     for i in range(time.shape[0]):
         k = int(state[0])
@@ -41,17 +47,47 @@ def summarise(state, table, time, dt, dtheta, dvel):
         f2 = 0.0
         dw2 = 0.0
         df2 = 0.0
+        new = state[2] == 0.0
         for j in range(3):
             w, f = dtheta[i, j] * r, dvel[i, j] * r
             table[k, 3 + j] += dtheta[i, j]
             table[k, 6 + j] += dvel[i, j]
             w2 += w * w
             f2 += f * f
+            if values is not None:
+                w, f = values[i, j], values[i, 3 + j]
             # The second difference is blind to slow motion: what is left is noise.
             a = w - 2.0 * state[6 + j] + state[12 + j]
             b = f - 2.0 * state[9 + j] + state[15 + j]
             dw2 += a * a
             df2 += b * b
+            new = (
+                new
+                or abs(w - state[6 + j]) > SAME * abs(w)
+                or (abs(f - state[9 + j]) > SAME * abs(f))
+            )
+        if new:
+            # A sensor that runs slower than the record repeats its values.
+            ew2 = 0.0
+            ef2 = 0.0
+            for j in range(3):
+                w, f = dtheta[i, j] * r, dvel[i, j] * r
+                if values is not None:
+                    w, f = values[i, j], values[i, 3 + j]
+                a = w - 2.0 * state[6 + j] + state[21 + j]
+                b = f - 2.0 * state[9 + j] + state[24 + j]
+                ew2 += a * a
+                ef2 += b * b
+                state[21 + j], state[24 + j] = state[6 + j], state[9 + j]
+            state[27] += 1.0
+            if state[27] > 2.0:
+                state[18] += ew2
+                state[19] += ef2
+                state[20] += 1.0
+        for j in range(3):
+            w, f = dtheta[i, j] * r, dvel[i, j] * r
+            if values is not None:
+                w, f = values[i, j], values[i, 3 + j]
             state[12 + j], state[15 + j] = state[6 + j], state[9 + j]
             state[6 + j], state[9 + j] = w, f
         state[2] += 1.0

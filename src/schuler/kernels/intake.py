@@ -1,14 +1,20 @@
-"""From rows of a file to increments, one row at a time: the door's compiled half.
+"""From rows of a file to increments, one row at a time: rows are checked, then integrated.
+
+`check` takes rows as they come and passes on those that are valid; `schuler.kernels.spikes.screen`
+then replaces single bad samples; `integrate` fills gaps and makes increments. Rows on their way are
+`ROW` numbers each: 0 number of the row, 1 time, 2-7 values, 8 interval where it is known exactly
+(else 0), 9 rows to fill in before it, 10 time that is missing before it (s), or -1 where the row's
+own interval is not like the others.
 
 State layout (float64, `STATE_SIZE` long), all zero at the start:
 
 ====== ======================================================================
 0      rows seen
 1      1 when a valid row has been seen
-2      1 when the row before that is known too (for the three-point formula)
+2      1 when two rows are integrated (for the three-point formula)
 3      time of the last valid row
-4      interval that ended at the last valid row (0 when unknown)
-5-10   values of the last valid row
+4      interval that ended at the last integrated row (0 when unknown)
+5-10   values of the last integrated row
 11-16  values of the row before it
 17     rows dropped because a value was not finite
 18     rows dropped because they repeat the row before
@@ -20,10 +26,18 @@ State layout (float64, `STATE_SIZE` long), all zero at the start:
 30-35  largest |value|, 36-41 current run of equal values,
 42-47  longest run at the largest |value|, 48-53 rows in such runs (of 3 or more)
 54-59  longest run of equal values at all
-60-65  sum of values, 66-71 sum of squares, 72 valid rows
+60-65  sum of values, 66-71 sum of squares, 72 integrated rows that came (none of the filled)
 73     shortest regular interval, 74 longest regular interval
 75     time of the first valid row
 76     sum of |gyro|, 77 sum of |accel|
+78     1 when a row has been integrated, 79 its time
+80-85  values of the last valid row, as they came
+86-89  for the gyros: run of rows in which no value changes, changes, shortest and longest run
+       between two changes
+90-93  the same for the accelerometers
+94-99  values of the last integrated row that came
+100    rows in the history of `integrate`, since the last long gap
+101    samples interpolated
 ====== ======================================================================
 """
 
@@ -31,9 +45,12 @@ from __future__ import annotations
 
 import math
 
-from schuler.kernels._jit import kernel
+from schuler.kernels._jit import helper, kernel
+from schuler.kernels.gaps import HISTORY, SHORT, bridge, fill
 
-STATE_SIZE = 80
+STATE_SIZE = 104
+
+ROW = 11
 
 OK, BACKWARD, REPEATED, GAP, BAD_TIME, OVERLAP, TOO_LARGE = 0, 1, 2, 3, 4, 5, 6
 RATES, MEAN_RATES, INCREMENTS = 0, 1, 2
@@ -43,29 +60,25 @@ LARGEST = 1e12
 
 
 @kernel
-def intake(state, kind, nominal, max_gap, t, x, out_t, out_dt, out, steps=None):
-    """Check rows and turn them into increments.
+def check(state, nominal, max_gap, t, x, out, steps=None):
+    """Check rows, and pass on those that are valid.
 
     Parameters
     ----------
     state : (STATE_SIZE,) float64
-    kind : int
-        `RATES` (instantaneous), `MEAN_RATES` (over the interval that ends at the row) or
-        `INCREMENTS`.
     nominal, max_gap : float
         Nominal interval, and the longest interval that is bridged (s).
     t, x : (n,), (n, 6) float64
         Time and gyro, accelerometer values in SI and body axes.
-    out_t, out_dt, out : (n,), (n,), (n, 6) float64
-        Filled with the samples.
+    out : (n, ROW) float64
+        Filled with the valid rows.
     steps : (n,) float64, optional
-        Interval lengths that are known exactly, for `INCREMENTS`: values are then taken as they
-        are, and a gap is time that no interval covers.
+        Interval lengths that are known exactly: a gap is time that no interval covers.
 
     Returns
     -------
     (int, int, int)
-        Samples written, error code (`OK` ...) and the row in this chunk that made it.
+        Rows written, error code (`OK` ...) and the row in this chunk that made it.
     """
     m = 0
     for i in range(t.shape[0]):
@@ -96,7 +109,7 @@ def intake(state, kind, nominal, max_gap, t, x, out_t, out_dt, out, steps=None):
                 return m, BACKWARD, i
             if dt == 0.0:
                 for j in range(6):
-                    if x[i, j] != state[5 + j]:
+                    if x[i, j] != state[80 + j]:
                         return m, REPEATED, i
                 state[18] += 1.0
                 continue
@@ -105,37 +118,10 @@ def intake(state, kind, nominal, max_gap, t, x, out_t, out_dt, out, steps=None):
         else:
             state[75] = ti
 
-        # What the channels look like: extremes, runs, sums.
-        state[72] += 1.0
-        for j in range(6):
-            v = x[i, j]
-            a = abs(v)
-            run = 1.0
-            if started and v == state[5 + j]:
-                run = state[36 + j] + 1.0
-            state[36 + j] = run
-            state[54 + j] = max(state[54 + j], run)
-            if a > state[30 + j]:
-                state[30 + j] = a
-                state[42 + j] = run
-                state[48 + j] = 0.0
-            elif a == state[30 + j]:
-                state[42 + j] = max(state[42 + j], run)
-                if run == 3.0:
-                    state[48 + j] += 3.0
-                elif run > 3.0:
-                    state[48 + j] += 1.0
-            state[60 + j] += v
-            state[66 + j] += v * v
-        state[76] += math.sqrt(x[i, 0] ** 2 + x[i, 1] ** 2 + x[i, 2] ** 2)
-        state[77] += math.sqrt(x[i, 3] ** 2 + x[i, 4] ** 2 + x[i, 5] ** 2)
-
-        gap = started and dt > 1.5 * nominal
-        if gap:
-            missing = dt
-            if steps is not None:
-                missing = dt - steps[i]
-            if missing > max_gap:
+        missing = 0.0
+        if started and dt > 1.5 * nominal:
+            missing = dt - nominal if steps is None else dt - steps[i]
+            if (dt if steps is None else missing) > max_gap:
                 return m, GAP, i
             if state[19] == 0.0:
                 state[24] = state[3]
@@ -149,40 +135,265 @@ def intake(state, kind, nominal, max_gap, t, x, out_t, out_dt, out, steps=None):
             state[74] = max(state[74], dt)
             state[23] += 1.0
 
+        out[m, 0] = state[0]
+        out[m, 1] = ti
+        for j in range(6):
+            out[m, 2 + j] = x[i, j]
+            state[80 + j] = x[i, j]
+        out[m, 8] = 0.0 if steps is None else steps[i]
+        # Intervals that are known stay as they are, holes included.
+        lost = missing > 0.5 * nominal and steps is None
+        out[m, 9] = max(1.0, math.floor(missing / nominal + 0.5)) if lost else 0.0
+        odd = steps is not None and abs(steps[i] - nominal) > 0.2 * nominal
+        out[m, 10] = -1.0 if odd else (missing if missing > 0.5 * nominal else 0.0)
+        m += 1
+        state[1] = 1.0
+        state[3] = ti
+    return m, OK, -1
+
+
+@kernel
+def look(state, rows, begin, end):
+    """Count what the channels look like: extremes, runs, sums.
+
+    Parameters
+    ----------
+    state : (STATE_SIZE,) float64
+    rows : (n, ROW) float64
+    begin, end : int
+        Rows to look at.
+    """
+    if begin == end:
+        return
+    first = state[72] == 0.0
+    state[72] += end - begin
+    for part in range(2):
+        x, y, z = 2 + 3 * part, 3 + 3 * part, 4 + 3 * part
+        k = 86 + 4 * part
+        run, changes, shortest, longest = state[k], state[k + 1], state[k + 2], state[k + 3]
+        a, b, c = state[92 + x], state[92 + y], state[92 + z]
+        total = state[76 + part]
+        for i in range(begin, end):
+            d, e, f = rows[i, x], rows[i, y], rows[i, z]
+            if (first and i == begin) or (d == a and e == b and f == c):
+                run += 1.0
+            else:
+                if changes >= 1.0:
+                    shortest = run if changes == 1.0 else min(shortest, run)
+                    longest = max(longest, run)
+                changes += 1.0
+                run = 1.0
+            a, b, c = d, e, f
+            total += math.sqrt(d * d + e * e + f * f)
+        state[k], state[k + 1], state[k + 2], state[k + 3] = run, changes, shortest, longest
+        state[76 + part] = total
+    for j in range(6):
+        before, run, most = state[94 + j], state[36 + j], state[54 + j]
+        largest, at_largest, rows_there = state[30 + j], state[42 + j], state[48 + j]
+        total, squares = state[60 + j], state[66 + j]
+        for i in range(begin, end):
+            v = rows[i, 2 + j]
+            a = abs(v)
+            run = run + 1.0 if v == before and not (first and i == begin) else 1.0
+            before = v
+            most = max(most, run)
+            if a > largest:
+                largest, at_largest, rows_there = a, run, 0.0
+            elif a == largest:
+                at_largest = max(at_largest, run)
+                if run == 3.0:
+                    rows_there += 3.0
+                elif run > 3.0:
+                    rows_there += 1.0
+            total += v
+            squares += v * v
+        state[94 + j], state[36 + j], state[54 + j] = before, run, most
+        state[30 + j], state[42 + j], state[48 + j] = largest, at_largest, rows_there
+        state[60 + j], state[66 + j] = total, squares
+
+
+@kernel
+def _plain(state, history, kind, m, rows, begin, end, out_t, out_dt, out, values):
+    """Integrate rows without gaps that follow an integrated one; return the number of samples."""
+    last, before = state[79], state[4]
+    even = state[2] == 1.0
+    for i in range(begin, end):
+        ti, step = rows[i, 1], rows[i, 8]
+        dt = ti - last
+        out_t[m] = ti
+        out_dt[m] = dt if step == 0.0 else step
         if kind == RATES:
-            if started:
-                # Three points (Adams-Moulton) on an even grid, the trapezoid elsewhere.
-                even = state[2] == 1.0 and abs(dt - state[4]) < 0.01 * dt
-                for j in range(6):
-                    if even:
-                        s = (5.0 * x[i, j] + 8.0 * state[5 + j] - state[11 + j]) / 12.0
-                    else:
-                        s = 0.5 * (x[i, j] + state[5 + j])
-                    out[m, j] = s * dt
-                out_t[m] = ti
-                out_dt[m] = dt
-                m += 1
-        else:
-            # An increment that ends a gap covers one interval: its mean rate is held over the gap.
-            s = dt
-            if kind == INCREMENTS:
-                s = dt / nominal if gap else 1.0
-            if steps is not None:
-                s = 1.0
-                dt = steps[i]
+            three = even and abs(dt - before) < 0.01 * dt
             for j in range(6):
-                out[m, j] = x[i, j] * s
+                v = rows[i, 2 + j]
+                left = rows[i - 1, 2 + j] if i > begin else state[5 + j]
+                if three:
+                    left2 = rows[i - 2, 2 + j] if i > begin + 1 else (
+                        state[5 + j] if i > begin else state[11 + j]
+                    )  # fmt: skip
+                    s = (5.0 * v + 8.0 * left - left2) / 12.0
+                else:
+                    s = 0.5 * (v + left)
+                out[m, j] = s * dt
+                values[m + 1, j] = v
+        elif kind == MEAN_RATES:
+            for j in range(6):
+                out[m, j] = rows[i, 2 + j] * dt
+        else:
+            for j in range(6):
+                out[m, j] = rows[i, 2 + j]
+        m += 1
+        last, before, even = ti, dt, True
+    n = end - begin
+    for j in range(6):
+        state[11 + j] = rows[end - 2, 2 + j] if n > 1 else state[5 + j]
+        state[5 + j] = rows[end - 1, 2 + j]
+    # Only the last of them stay in the history.
+    for i in range(max(begin, end - HISTORY), end):
+        slot = (int(state[100]) + i - begin) & (HISTORY - 1)
+        for j in range(6):
+            history[slot, j] = rows[i, 2 + j]
+    state[100] += n
+    state[2], state[4], state[79] = 1.0, before, last
+    return m
+
+
+@helper
+def _put(state, history, kind, m, ti, dt, step, x, r, first, out_t, out_dt, out, values):
+    """Integrate one row of six values, x[r, first] on; return the number of samples.
+
+    Row m + 1 of `values` is filled with what came, row 0 of a record's first with its opening row.
+    """
+    started = state[78] == 1.0
+    if kind == RATES:
+        if started:
+            # Three points (Adams-Moulton) on an even grid, the trapezoid elsewhere.
+            even = state[2] == 1.0 and abs(dt - state[4]) < 0.01 * dt
+            for j in range(6):
+                v = x[r, first + j]
+                if even:
+                    s = (5.0 * v + 8.0 * state[5 + j] - state[11 + j]) / 12.0
+                else:
+                    s = 0.5 * (v + state[5 + j])
+                out[m, j] = s * dt
+                values[m + 1, j] = v
             out_t[m] = ti
             out_dt[m] = dt
             m += 1
-
-        if started:
-            state[2] = 1.0
-            state[4] = dt
+        else:
             for j in range(6):
-                state[11 + j] = state[5 + j]
-        state[1] = 1.0
-        state[3] = ti
+                values[0, j] = x[r, first + j]
+    else:
+        length = dt if step == 0.0 else step
         for j in range(6):
-            state[5 + j] = x[i, j]
-    return m, OK, -1
+            out[m, j] = x[r, first + j] * dt if kind == MEAN_RATES else x[r, first + j]
+        out_t[m] = ti
+        out_dt[m] = length
+        m += 1
+    if started:
+        state[2] = 1.0
+        state[4] = dt
+    slot = int(state[100]) & (HISTORY - 1)
+    for j in range(6):
+        if started:
+            state[11 + j] = state[5 + j]
+        state[5 + j] = x[r, first + j]
+        history[slot, j] = x[r, first + j]
+    state[100] += 1.0
+    state[78] = 1.0
+    state[79] = ti
+    return m
+
+
+@kernel
+def integrate(state, history, kind, nominal, rows, begin, end, close, out_t, out_dt, out, values):
+    """Turn rows that are checked and screened into increments, gaps filled.
+
+    Parameters
+    ----------
+    state : (STATE_SIZE,) float64
+    history : (HISTORY, 6) float64
+        The last values, ring-wise.
+    kind : int
+        `RATES` (instantaneous), `MEAN_RATES` (over the interval that ends at the row) or
+        `INCREMENTS`.
+    nominal : float
+        Nominal interval, s.
+    rows : (n, ROW) float64
+    begin, end : int
+        Rows to take.
+    close : bool
+        Nothing comes after `end`: a gap is filled by what there is.
+    out_t, out_dt, out : (m,), (m,), (m, 6) float64
+        Filled with the samples.
+    values : (m + 1, 6) float64
+        For `RATES`: the values at the samples' ends, after that at the first one's start.
+
+    Returns
+    -------
+    (int, int)
+        Samples written, and the first row that was not taken, as it waits for rows after a gap.
+    """
+    m = 0
+    for j in range(6):
+        values[0, j] = state[5 + j]
+    i = begin
+    while i < end:
+        lost = int(rows[i, 9])
+        if lost == 0 and state[78] == 1.0:
+            stop = i + 1
+            while stop < end and rows[stop, 9] == 0.0:
+                stop += 1
+            look(state, rows, i, stop)
+            m = _plain(state, history, kind, m, rows, i, stop, out_t, out_dt, out, values)
+            i = stop
+            continue
+        ti = rows[i, 1]
+        step = rows[i, 8]
+        dt = nominal if state[78] == 0.0 else ti - state[79]
+        if lost > 0 and state[78] == 1.0:
+            # Rows that follow without another gap.
+            wanted = min(max(lost, 3), HISTORY)
+            after = 1
+            while after < wanted and i + after < end and rows[i + after, 9] == 0.0:
+                after += 1
+            if after < wanted and i + after == end and not close:
+                return m, i
+            before = int(min(state[100], HISTORY))
+            newest = int(state[100])
+            start = state[79]
+            span = rows[i, 10]
+            if lost <= SHORT:
+                part = dt / (lost + 1.0)
+                filled = fill(history, newest, before, rows, i, after, lost)
+                if kind == INCREMENTS:
+                    # Increments belong to nominal intervals; what is filled has its own length.
+                    filled *= span / (lost * nominal)
+                for k in range(lost):
+                    m = _put(state, history, kind, m, start + (k + 1) * part, part, 0.0,
+                             filled, k, 0, out_t, out_dt, out, values)  # fmt: skip
+                dt = part
+            else:
+                # One sample, up to the end of this row's interval.
+                mean = bridge(history, newest, min(before, wanted), rows, i, after)
+                state[100] = 0.0
+                slot = m
+                m = _put(state, history, kind, m, ti, dt, 0.0, rows, i, 2,
+                         out_t, out_dt, out, values)  # fmt: skip
+                for j in range(6):
+                    if kind == RATES:
+                        out[slot, j] = mean[j] * dt
+                    elif kind == MEAN_RATES:
+                        out[slot, j] = mean[j] * span + rows[i, 2 + j] * (dt - span)
+                    else:
+                        out[slot, j] = mean[j] * (span / nominal) + rows[i, 2 + j]
+                state[2] = 0.0
+                state[101] += lost
+                look(state, rows, i, i + 1)
+                i += 1
+                continue
+            state[101] += lost
+        look(state, rows, i, i + 1)
+        m = _put(state, history, kind, m, ti, dt, step, rows, i, 2, out_t, out_dt, out, values)
+        i += 1
+    return m, end

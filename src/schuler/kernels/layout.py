@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.constants import EARTH_RATE
-from schuler.kernels import blocks, intake, tracking
+from schuler.kernels import blocks, gaps, intake, spikes, tracking
 
 __all__ = ["ArrayLayout", "Entries", "LayoutError", "check_aligner", "check_arrays",
            "check_intake", "check_summary", "check_tracker"]  # fmt: skip
@@ -128,6 +128,8 @@ SUMMARY = {
         (
             Entries(0, 0, 0.0, blocks.CAPACITY - 1.0, True), Entries(1, 1, 1.0, COUNT, True),
             Entries(2, 2, 0.0, COUNT, True), Entries(3, 4, 0.0), Entries(5, 5, 0.0, COUNT, True),
+            Entries(18, 19, 0.0), Entries(20, 20, 0.0, COUNT, True),
+            Entries(27, 27, 0.0, COUNT, True),
         ),
     ),
     "summary_table": ArrayLayout(
@@ -141,6 +143,9 @@ SUMMARY = {
 
 _VALUE = intake.LARGEST
 
+_PENDING = 4.0 * gaps.HISTORY
+"""More rows never wait: those behind a long gap, those to be judged and their neighbours."""
+
 INTAKE = {
     "intake": ArrayLayout(
         ((intake.STATE_SIZE,) * 2,),
@@ -152,12 +157,39 @@ INTAKE = {
             Entries(27, 27, 0.0, 5.0, True), Entries(30, 35, 0.0, _VALUE),
             Entries(36, 59, 0.0, COUNT, True), Entries(66, 71, 0.0),
             Entries(72, 72, 0.0, COUNT, True), Entries(73, 74, 0.0, 1e10),
-            Entries(75, 75, -1e12, 1e12), Entries(76, 77, 0.0),
+            Entries(75, 75, -1e12, 1e12), Entries(76, 77, 0.0), Entries(78, 78, 0.0, 1.0, True),
+            Entries(79, 79, -1e12, 1e12), Entries(80, 85, -_VALUE, _VALUE),
+            Entries(86, 93, 0.0, COUNT, True), Entries(94, 99, -_VALUE, _VALUE),
+            Entries(100, 101, 0.0, COUNT, True),
         ),
     ),
     "intake_nominal": ArrayLayout(((1, 1),), (Entries(0, 0, 0.0, 1e10),)),
     "intake_times": ArrayLayout(((0, 255),), (Entries(0, 254, -1e12, 1e12),)),
     "intake_rows": ArrayLayout(((0, 255), (6, 6)), (Entries(0, 5, -_VALUE, _VALUE),)),
+    "intake_pending": ArrayLayout(
+        ((0, int(_PENDING)), (intake.ROW,) * 2),
+        (
+            Entries(0, 0, 1.0, COUNT, True), Entries(1, 1, -1e12, 1e12),
+            Entries(2, 7, -_VALUE, _VALUE), Entries(8, 8, 0.0, 1e10),
+            Entries(9, 9, 0.0, COUNT, True), Entries(10, 10, -1.0, 1e10),
+        ),
+    ),
+    "intake_progress": ArrayLayout(
+        ((4, 4),),
+        (Entries(0, 0, 0.0, 1.0, True), Entries(1, 2, 0.0, _PENDING, True),
+         Entries(3, 3, 0.0, 1.0, True)),
+    ),
+    "intake_settings": ArrayLayout(((6, 6), (spikes.SETTING,) * 2), (Entries(0, 7, 0.0),)),
+    "intake_history": ArrayLayout(
+        ((gaps.HISTORY,) * 2, (6, 6)), (Entries(0, 5, -_VALUE * 100, _VALUE * 100),)
+    ),
+    "intake_spikes": ArrayLayout(
+        ((0, 1 << 20), (5, 5)),
+        (
+            Entries(0, 0, 1.0, COUNT, True), Entries(1, 1, -1e12, 1e12),
+            Entries(2, 2, 0.0, 5.0, True), Entries(3, 3, -_VALUE, _VALUE),
+        ),
+    ),
 }  # fmt: skip
 
 
@@ -325,7 +357,10 @@ def check_summary(arrays: Mapping[str, Array]) -> None:
     _require(len(table) > rows, "array 'summary_table' has fewer rows than is said")
     _require(not table[rows + 1 :].any(), "array 'summary_table' has rows beyond its end")
     _require(table[:, 2].sum() == s[2], "array 'summary_table' miscounts its samples")
-    _require(s[5] == max(0.0, s[2] - 2.0), "array 'summary' miscounts its differences")
+    _require(
+        s[5] == max(0.0, s[2] - 2.0) and s[20] == max(0.0, s[27] - 2.0) and s[27] <= s[2],
+        "array 'summary' miscounts its differences",
+    )
     used = table[: rows + (table[rows, 2] > 0.0)]
     _require(
         np.all(used[:, 2] >= 1.0) and np.all(used[:, 1] > 0.0) and np.all(np.diff(used[:, 0]) > 0),
@@ -390,11 +425,23 @@ def check_intake(arrays: Mapping[str, Array]) -> None:
     s, nominal = arrays["intake"], float(arrays["intake_nominal"][0])
     times, rows = arrays["intake_times"], arrays["intake_rows"]
     _require(len(times) == len(rows), "'intake_times' and 'intake_rows' differ in length")
-    if nominal == 0.0:
+    rows_left, progress = arrays["intake_pending"], arrays["intake_progress"]
+    opened, done, screened = progress[0], progress[1], progress[2]
+    if nominal == 0.0 or not opened:
         _require(not s[72] and not s[1], "array 'intake' has rows and yet no interval")
+        _require(not opened and not len(rows_left), "'intake_pending' has rows of no record")
         return
+    _require(done <= screened <= len(rows_left), "'intake_progress' is beyond the rows that wait")
+    _require(
+        np.all(np.diff(rows_left[:, 0]) > 0) and np.all(np.diff(rows_left[:, 1]) > 0)
+        and (not len(rows_left) or rows_left[-1, 1] == s[3]),
+        "array 'intake_pending' is out of order",
+    )  # fmt: skip
+    _require(s[78] <= s[1] and s[79] <= s[3], "array 'intake' is integrated beyond its rows")
+    _require((s[78] == 1.0) == (s[100] > 0.0), "array 'intake_history' has no last row")
     _require(not len(times), "'intake_times' has rows that the intake took already")
     _require(s[1] == (s[72] > 0.0), "array 'intake' has rows and yet no last row")
     _require(s[0] >= s[72] + s[17] + s[18], "array 'intake' miscounts its rows")
     _require(s[75] <= s[3] or not s[1], "array 'intake' ends before it begins")
-    _require(s[72] > s[23] + s[19] or not s[1], "array 'intake' miscounts its intervals")
+    valid = s[0] - s[17] - s[18]
+    _require(valid > s[23] + s[19] or not s[1], "array 'intake' miscounts its intervals")

@@ -7,9 +7,10 @@ from schuler.record.hints import Reading
 from schuler.record.imu import ImuRecord
 from schuler.record.intake import Intake
 from schuler.record.quality import Quality
+from schuler.record.spikes import Spike, without_spikes
 from schuler.record.summary import Stretch, Summariser, Summary
 
 __all__ = [
-    "ImuRecord", "Intake", "Quality", "Reading", "Stretch", "Summariser", "Summary",
-    "check_record",
+    "ImuRecord", "Intake", "Quality", "Reading", "Spike", "Stretch", "Summariser", "Summary",
+    "check_record", "without_spikes",
 ]  # fmt: skip

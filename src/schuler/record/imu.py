@@ -44,7 +44,11 @@ class ImuRecord(Shown):
     name : str
         Where the record came from.
     quality : Quality or None
-        What was found at the door; None for records made in memory.
+        What was found as rows were checked; None for records made in memory.
+    values : (n + 1, 6) float64 or None
+        Of records made from instantaneous rates: the rates as they came (rad/s, m/s^2) at the
+        start of the first interval and at the end of each. Noise is judged on them, since
+        integrating colours it.
 
     Notes
     -----
@@ -61,6 +65,8 @@ class ImuRecord(Shown):
     sculling_corrected: bool = False
     name: str = "record"
     quality: Quality | None = field(default=None, compare=False)
+    # Not an argument: `replace` leaves it out, so that it cannot stay when increments change.
+    values: Array | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         n = len(self.time)
@@ -157,8 +163,8 @@ class ImuRecord(Shown):
             raise InputError("the record has no samples")
         first = parts[0]
         if len(parts) == 1:
-            return replace(first, quality=quality or first.quality)
-        return replace(
+            return replace(first, quality=quality or first.quality).with_values(first.values)
+        joined = replace(
             first,
             time=np.concatenate([p.time for p in parts]),
             dt=np.concatenate([p.dt for p in parts]),
@@ -166,6 +172,26 @@ class ImuRecord(Shown):
             dvel=np.concatenate([p.dvel for p in parts]),
             quality=quality or first.quality,
         )
+        known = [p.values for p in parts if p.values is not None]
+        if len(known) < len(parts):
+            return joined
+        return joined.with_values(np.concatenate([known[0][:1], *(v[1:] for v in known)]))
+
+    def with_values(self, values: Array | None) -> ImuRecord:
+        """Return the same record with the rates that it was made from, (n + 1, 6) or None.
+
+        Raises
+        ------
+        InputError
+            For another shape.
+        """
+        if values is not None and values.shape != (len(self) + 1, 6):
+            raise InputError(
+                f"ImuRecord: expected values of shape {(len(self) + 1, 6)}, got {values.shape}"
+            )
+        out = replace(self)
+        object.__setattr__(out, "values", values)
+        return out
 
     # -- looking -----------------------------------------------------------------------
 
@@ -265,9 +291,13 @@ class ImuRecord(Shown):
     def rows(self, start: int, stop: int) -> ImuRecord:
         """Return samples start to stop (as a Python slice) as a record; no copy."""
         s = slice(start, stop)
-        return replace(
+        part = replace(
             self, time=self.time[s], dt=self.dt[s], dtheta=self.dtheta[s], dvel=self.dvel[s]
         )
+        if self.values is None:
+            return part
+        first, end, _ = s.indices(len(self))
+        return part.with_values(self.values[first : max(end, first) + 1])
 
     def between(self, start: float | None = None, stop: float | None = None) -> ImuRecord:
         """Return the samples whose interval lies in (start, stop], in the record's own time.

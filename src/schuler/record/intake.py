@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from schuler.errors import InputError
 from schuler.record.imu import ImuRecord
 from schuler.record.quality import CHANNELS, Quality
+from schuler.record.spikes import WARM_UP, Spike, allowed, check_count
 from schuler.units import time_text
 
 __all__ = ["KINDS", "Intake"]
@@ -17,16 +18,18 @@ Array = NDArray[np.float64]
 #: what a row's values are
 KINDS = ("rates", "mean-rates", "increments")
 
-#: rows that are looked at to find the nominal interval; fixed, so that chunking cannot matter
-_WARM_UP = 256
+_FILLED = 8
+"""Rows of one gap that are filled one by one, as `schuler.kernels.gaps.SHORT`."""
 
 
 class Intake:
     """Turn rows of time and six values into `ImuRecord` chunks, checking each row.
 
-    Rows with a value that is not finite are dropped and counted, exact repetitions likewise;
-    short gaps are bridged by holding the rate; backward time, a time given twice with
-    different values, and long gaps are errors. Any chunking gives bit-identical results.
+    Rows with a value that is not finite are dropped and counted, exact repetitions likewise; a
+    single bad sample is replaced and named; gaps are filled by interpolation (up to eight rows) or
+    by the mean of as many rows on each side; backward time, a time given twice with different
+    values, long gaps and more than a few bad samples are errors. Any chunking gives bit-identical
+    results. Samples come some rows later than they were pushed, the first after 256 rows.
 
     Parameters
     ----------
@@ -37,6 +40,8 @@ class Intake:
         Nominal rate, Hz; found from the first rows when not given.
     max_gap : float, optional
         Longest interval that is bridged, s; six and a half nominal intervals when not given.
+    keep_spikes : bool
+        Take single bad samples as they are.
     coning_corrected, sculling_corrected : bool
         See `ImuRecord`.
     name : str
@@ -55,10 +60,12 @@ class Intake:
         *,
         rate: float | None = None,
         max_gap: float | None = None,
+        keep_spikes: bool = False,
         coning_corrected: bool = False,
         sculling_corrected: bool = False,
         name: str = "record",
     ) -> None:
+        from schuler.kernels import gaps, spikes
         from schuler.kernels import intake as k
 
         if kind not in KINDS:
@@ -67,7 +74,7 @@ class Intake:
             raise InputError(f"the rate must be a positive number of Hz, got {rate}")
         if max_gap is not None and not (np.isfinite(max_gap) and max_gap > 0):
             raise InputError(f"the longest gap must be a positive time, got {max_gap}")
-        self._k = k
+        self._k, self._spikes_k = k, spikes
         self._code = KINDS.index(kind)
         self.kind = kind
         self._nominal = None if rate is None else 1.0 / rate
@@ -77,9 +84,18 @@ class Intake:
             "sculling_corrected": sculling_corrected,
             "name": name,
         }
+        self._keep_spikes = keep_spikes
         self._state = np.zeros(k.STATE_SIZE)
         self._waiting: list[tuple[Array, Array, Array | None]] = []
         self._waiting_rows = 0
+        self._opened = self._closed = False
+        # Rows that are checked: those before `_screened` have been looked at for spikes, those
+        # before `_done` are integrated and kept as neighbours of others.
+        self._rows = np.empty((0, k.ROW))
+        self._screened = self._done = 0
+        self._settings = np.zeros((6, spikes.SETTING))
+        self._history = np.zeros((gaps.HISTORY, 6))
+        self._found = np.empty((0, 5))
 
     def skip(self, rows: int) -> None:
         """Count rows that are left out, so that later ones keep their number; before any `push`."""
@@ -108,23 +124,25 @@ class Intake:
         if dt is not None:
             dt = np.ascontiguousarray(dt, np.float64)
             self._check_steps(time, dt)
-        if self._nominal is None:
+        if not self._opened:
             self._waiting.append((time, values, dt))
             self._waiting_rows += len(time)
-            if self._waiting_rows < _WARM_UP:
+            if self._waiting_rows < WARM_UP:
                 return self._empty()
             time, values, dt = self._open()
         return self._run(time, values, dt)
 
     def close(self) -> ImuRecord:
         """Return what is still waiting; call once, at the end of the input."""
-        if self._nominal is not None:
-            return self._empty()
+        self._closed = True
+        if self._opened:
+            return self._run(np.empty(0), np.empty((0, 6)), None)
         return self._run(*self._open())
 
     def quality(self) -> Quality:
         """Return what has been found so far."""
-        return Quality.from_state(self._state, self._nominal or 0.0, self.kind)
+        spikes = tuple(Spike.from_row(row, self.kind) for row in self._found)
+        return Quality.from_state(self._state, self._nominal or 0.0, self.kind, spikes)
 
     def arrays(self) -> dict[str, Array]:
         """Return all that a later intake needs to go on in this one's place."""
@@ -135,6 +153,13 @@ class Intake:
             "intake_nominal": np.array([self._nominal or 0.0]),
             "intake_times": np.concatenate([np.empty(0), *times]),
             "intake_rows": np.concatenate([np.empty((0, 6)), *rows]),
+            "intake_pending": self._rows.copy(),
+            "intake_progress": np.array(
+                [self._opened, self._done, self._screened, self._keep_spikes], np.float64
+            ),
+            "intake_settings": self._settings.copy(),
+            "intake_history": self._history.copy(),
+            "intake_spikes": self._found.copy(),
         }
 
     def restore(self, arrays: dict[str, Array]) -> None:
@@ -156,6 +181,12 @@ class Intake:
         times = arrays["intake_times"]
         self._waiting = [(times, arrays["intake_rows"], None)] if len(times) else []
         self._waiting_rows = len(times)
+        opened, self._done, self._screened, keep = (int(v) for v in arrays["intake_progress"])
+        self._opened, self._keep_spikes = bool(opened), bool(keep)
+        self._rows = arrays["intake_pending"].copy()
+        self._settings = arrays["intake_settings"].copy()
+        self._history = arrays["intake_history"].copy()
+        self._found = arrays["intake_spikes"].copy()
 
     # ------------------------------------------------------------------------------
 
@@ -167,7 +198,7 @@ class Intake:
             )
         bad = np.flatnonzero(~(np.isfinite(dt) & (dt > 0)))
         if len(bad):
-            row = int(self._state[0]) + self._waiting_rows * (self._nominal is None) + bad[0] + 1
+            row = int(self._state[0]) + self._waiting_rows * (not self._opened) + bad[0] + 1
             raise InputError(
                 f"data row {row} (t = {time_text(float(time[bad[0]]))} s): the interval "
                 f"dt = {dt[bad[0]]:g} s must be a positive number; repair the row "
@@ -182,10 +213,13 @@ class Intake:
         exact = [s for _, _, s in self._waiting if s is not None]
         dt = np.concatenate(exact) if exact else None
         self._waiting = []
-        if dt is not None and len(dt):
-            self._nominal = float(np.median(dt[:_WARM_UP]))
+        self._opened = True
+        if self._nominal is not None:
             return time, values, dt
-        steps = np.diff(time[:_WARM_UP])
+        if dt is not None and len(dt):
+            self._nominal = float(np.median(dt[:WARM_UP]))
+            return time, values, dt
+        steps = np.diff(time[:WARM_UP])
         steps = steps[np.isfinite(steps) & (steps > 0)]
         if len(time) < 2:
             raise InputError(
@@ -193,23 +227,27 @@ class Intake:
             )
         if not len(steps):
             raise InputError(
-                f"time does not advance in the first {min(len(time), _WARM_UP)} data rows "
+                f"time does not advance in the first {min(len(time), WARM_UP)} data rows "
                 f"(t = {time_text(float(time[0]))} s): is this the time column?"
             )
         self._nominal = float(np.median(steps))
         return time, values, None
 
     def _run(self, time: Array, values: Array, dt: Array | None) -> ImuRecord:
-        n = len(time)
         nominal = self._nominal
         assert nominal is not None
         max_gap = self._max_gap if self._max_gap is not None else 6.5 * nominal
-        out_t, out_dt, out = np.empty(n), np.empty(n), np.empty((n, 6))
+        k = self._k
         base = int(self._state[0])
-        m, code, row = self._k.intake(
-            self._state, self._code, nominal, max_gap, time, values, out_t, out_dt, out, dt
-        )
-        if code == self._k.TOO_LARGE:
+        begin = len(self._rows)
+        rows = np.empty((begin + len(time), k.ROW))
+        rows[:begin] = self._rows
+        m, code, row = k.check(self._state, nominal, max_gap, time, values, rows[begin:], dt)
+        self._rows = rows[: begin + m]
+        if code == k.OK or m:
+            # What comes before a bad row is judged first, so that chunking cannot matter.
+            self._screen(base, begin == 0)
+        if code == k.TOO_LARGE:
             j = int(np.argmax(np.abs(values[row])))
             at = time_text(float(time[row]))
             raise InputError(
@@ -217,15 +255,58 @@ class Intake:
                 f"{values[row, j]:.3g} in SI, more than any instrument gives; repair or remove "
                 "the row, or check columns and units"
             )
-        if code != self._k.OK:
+        if code != k.OK:
             self._fail(code, base + row + 1, float(time[row]), max_gap)
-        return ImuRecord(
+        return self._integrate(nominal)
+
+    def _screen(self, base: int, start: bool) -> None:
+        """Look for spikes in the rows that enough follow."""
+        k, n = self._spikes_k, len(self._rows)
+        first = n
+        if start:
+            # By the rows of the warm-up alone, so that chunking cannot matter.
+            first = int(np.searchsorted(self._rows[:, 0], base + WARM_UP, side="right"))
+        if self._keep_spikes or (start and first < k.LEAST):
+            self._keep_spikes = True
+            self._screened = n
+            return
+        if start:
+            assert self._nominal is not None
+            k.set_smallest(self._settings, self._nominal, self.kind == "increments")
+            k.learn(self._rows, first, self._settings)
+        found = np.empty((allowed(int(self._state[0])) - len(self._found) + 1, 5))
+        self._screened, count = k.screen(
+            self._rows, n, self._screened, first, self._closed, self._settings, found
+        )
+        if count:
+            self._found = np.concatenate([self._found, found[:count]])
+            check_count(self._found, self.kind)
+
+    def _integrate(self, nominal: float) -> ImuRecord:
+        """Return the samples of the rows that have been looked at."""
+        rows, begin, end = self._rows, self._done, self._screened
+        # Each row is a sample, and so is each that is filled in.
+        size = end - begin + int(np.minimum(rows[begin:end, 9], _FILLED).sum()) + 1
+        out_t, out_dt, out = np.empty(size), np.empty(size), np.empty((size, 6))
+        rates = self.kind == "rates"
+        values = np.empty((size + 1 if rates else 1, 6))
+        m, self._done = self._k.integrate(
+            self._state, self._history, self._code, nominal, rows, begin, end, self._closed,
+            out_t, out_dt, out, values,
+        )  # fmt: skip
+        # Rows behind the next to be looked at are its neighbours.
+        cut = max(min(self._done, self._screened - self._spikes_k.KEPT), 0)
+        self._rows = rows[cut:].copy()
+        self._done -= cut
+        self._screened -= cut
+        record = ImuRecord(
             out_t[:m],
             out_dt[:m],
             out[:m, :3],
             out[:m, 3:],
             **self._flags,  # type: ignore[arg-type]
         )
+        return record.with_values(values[: m + 1]) if rates and m else record
 
     def _fail(self, code: int, row: int, t: float, max_gap: float) -> None:
         k = self._k

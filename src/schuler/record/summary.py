@@ -33,6 +33,10 @@ _UNSTEADY = 0.03 * STANDARD_GRAVITY
 """Rms of the length of a second's mean force about the stretch's, m/s^2."""
 
 
+_HELD = 0.55
+"""Part of the samples that are new where each value comes twice or more."""
+
+
 @dataclass(frozen=True)
 class Stretch:
     """A quiet or a disturbed stretch of a record, s in the record's time.
@@ -64,7 +68,8 @@ class Summary(Shown):
     mean_force_norm : float
         Mean of |f|, m/s^2.
     noise_gyro, noise_accel : float
-        Noise of one axis from second differences, as white noise: rad/sqrt(s), m/s/sqrt(s).
+        Noise of one axis from second differences, as white noise: rad/sqrt(s), m/s/sqrt(s); of
+        instantaneous rates as they came, and of those that repeat, each once.
         Where rounding dominates it is larger than the random walk.
     wander_rate : float
         Scatter of the rate's means over about a second, one axis, rad/s.
@@ -169,7 +174,10 @@ class Summariser:
 
     def push(self, record: ImuRecord) -> None:
         """Take a chunk of three gyros and three accelerometers."""
-        self._kernel(self._state, self._table, record.time, record.dt, record.dtheta, record.dvel)
+        values = None if record.values is None else record.values[1:]
+        self._kernel(
+            self._state, self._table, record.time, record.dt, record.dtheta, record.dvel, values
+        )
 
     def arrays(self) -> dict[str, Array]:
         """Return all that a later summariser needs to go on in this one's place."""
@@ -222,6 +230,11 @@ class Summariser:
         interval = float(total[1] / total[2])
         # Second differences of white noise have six times its variance, on three axes.
         noise = np.sqrt(self._state[3:5] / count / 18.0 * interval)
+        new = self._state[27]
+        if 2.0 < new <= _HELD * self._state[2]:
+            # Held values: differences between those that are new, over the interval between them.
+            each = float(total[1]) / new
+            noise = np.sqrt(self._state[18:20] / self._state[20] / 18.0 * each)
         rate = table[:, 3:6] / table[:, 1:2]
         begin = float(table[0, 0] - table[0, 1])
         begin = 0.0 if abs(begin) < 1e-6 * interval else begin

@@ -24,7 +24,7 @@ _COLOURS = (BLUE, ORANGE, GREEN)
 _BANDS = ("rgba(0,114,178,0.20)", "rgba(230,159,0,0.24)", "rgba(0,158,115,0.20)")
 
 #: what each term is called on the figure
-_LABELS = ("Q", "N", "B", "K")
+_LABELS = ("Q", "N", "B", "K", "R")
 
 
 def allan_report(found: Allan, fit: NoiseFit | None, path: str | Path) -> None:
@@ -53,7 +53,7 @@ def allan_report(found: Allan, fit: NoiseFit | None, path: str | Path) -> None:
         shown = (
             "Points: deviation; bands: 68 % confidence. Lines: the sum of the fitted terms; "
             "dotted: each term alone, of the channel that has most of it (Q quantisation, N random "
-            "walk, B bias instability, K rate random walk)."
+            "walk, B bias instability, K rate random walk, R rate ramp)."
         )
         if fit is None:
             shown = "Points: deviation; bands: 68 % confidence."
@@ -175,12 +175,12 @@ def _asymptotes(
             )
         )  # fmt: skip
         # Rising lines are labelled at their end, the others at their beginning.
-        at = -1 if label == "K" else (len(x) * 2) // 5 if label == "B" else 0
+        at = -1 if label in "KR" else (len(x) * 2) // 5 if label == "B" else 0
         layout["annotations"].append(
             {
                 "x": float(np.log10(x[at])), "y": float(np.log10(y[at])), "text": f"<b>{label}</b>",
                 "showarrow": False, "font": {"color": colour},
-                "xanchor": "right" if label == "K" else "left", "yanchor": "bottom",
+                "xanchor": "right" if label in "KR" else "left", "yanchor": "bottom",
             }
         )  # fmt: skip
 

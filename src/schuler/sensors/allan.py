@@ -1,7 +1,8 @@
 """Allan, Hadamard and total deviation of a static record, many averaging times at once.
 
 A record's increments are the steps of a phase (angle, velocity), so their running sum is all that
-is needed; rates are never made. Overlapping estimators of NIST SP 1065 (Riley 2008), eq. 11, 20
+is needed. Of instantaneous rates each value, times the interval, is a step: what integrates them
+would colour their noise. Overlapping estimators of NIST SP 1065 (Riley 2008), eq. 11, 20
 and 25. `allan` works on a record in memory with every overlap, and on chunks of any length in
 constant memory; what differs then is said in `AllanSums`.
 """
@@ -223,7 +224,7 @@ class AllanSums:
             lags, stride, counts, sums = lags[keep], stride[keep], counts[keep], sums[keep]
         else:
             _check_longest(lags, even.samples, interval, self._kind)
-        deviation = _scaled(sums, counts, lags, interval, self._kind)
+        deviation = _scaled(sums, counts, lags, even.unit, self._kind)
         return _made(self._kind, lags, deviation, even, interval, stride, self.name)
 
 
@@ -313,5 +314,5 @@ def allan(
     else:
         lags = _lags(_checked(taus), even.nominal)
         _check_longest(lags, samples, even.interval, wanted)
-    deviation = allan_deviation(increments, even.interval, lags, wanted)
+    deviation = allan_deviation(increments, even.unit, lags, wanted)
     return _made(wanted, lags, deviation, even, even.interval, np.ones_like(lags), name)

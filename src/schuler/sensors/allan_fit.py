@@ -4,8 +4,9 @@ Generalised least squares on the variances at octaves of the averaging time, wit
 coefficients held at zero or above. The covariance of the variances follows from the fitted noise
 itself (degrees of freedom, and the correlation between averaging times from the spectrum), and is
 iterated: the weights come from the model and never from the scattered data, so the estimate is
-not drawn down by them. Where no sum of the four terms meets the curve, a relative misfit is added
-that makes the chi-square its own expectation. Terms that the data do not demand are left out.
+not drawn down by them. A steady drift is a term of its own (rate ramp), which scatters only with
+the noise it is seen through. Where no sum of the five terms meets the curve, a relative misfit is
+added that makes the chi-square its own expectation. Terms that the data do not demand are left out.
 """
 
 from __future__ import annotations
@@ -19,7 +20,14 @@ from numpy.typing import NDArray
 
 from schuler.errors import InputError
 from schuler.sensors.allan import Allan
-from schuler.sensors.allan_theory import TERMS, correlations, filters, freedom, unit_variances
+from schuler.sensors.allan_theory import (
+    NOISES,
+    TERMS,
+    correlations,
+    filters,
+    freedom,
+    unit_variances,
+)
 from schuler.sensors.errors import AccelerometerSpec, GyroSpec, ImuSpec
 
 __all__ = ["ChannelFit", "NoiseFit", "NoiseTerm", "fit_noise"]
@@ -36,12 +44,15 @@ _MOVED = 0.8
 """A larger misfit is motion and no noise."""
 
 _LEAST = 6
-"""Octaves of averaging time that four terms need."""
+"""Octaves of averaging time that the terms need."""
 
-_GYRO = ("quantisation", "angle_random_walk", "bias_instability", "rate_random_walk")
-_ACCEL = ("quantisation", "velocity_random_walk", "bias_instability", "acceleration_random_walk")
-_GYRO_UNITS = ("arcsec", "deg/sqrt(h)", "deg/h", "deg/h/sqrt(h)")
-_ACCEL_UNITS = ("mm/s", "ug/sqrt(Hz)", "ug", "ug/sqrt(h)")
+_GYRO = ("quantisation", "angle_random_walk", "bias_instability", "rate_random_walk", "rate_ramp")
+_ACCEL = (
+    "quantisation", "velocity_random_walk", "bias_instability", "acceleration_random_walk",
+    "acceleration_ramp",
+)  # fmt: skip
+_GYRO_UNITS = ("arcsec", "deg/sqrt(h)", "deg/h", "deg/h/sqrt(h)", "deg/h/h")
+_ACCEL_UNITS = ("mm/s", "ug/sqrt(Hz)", "ug", "ug/sqrt(h)", "ug/h")
 
 
 @dataclass(frozen=True)
@@ -71,9 +82,11 @@ class ChannelFit:
     Parameters
     ----------
     terms : dict of str to NoiseTerm
-        By the names that `GyroSpec` and `AccelerometerSpec` have for them: Q, N, B, K in order.
+        By the names that `GyroSpec` and `AccelerometerSpec` have for them: Q, N, B, K in order;
+        then ``rate_ramp`` or ``acceleration_ramp``, but for Hadamard deviation, which is blind to
+        it.
     misfit : float
-        Relative error of the variance that the four terms leave, beyond chance; 0 where they
+        Relative error of the variance that the terms leave, beyond chance; 0 where they
         meet the curve. It is in the sigmas.
     chi2, dof : float, int
         Of the final fit; with a misfit, chi2 is about dof by construction.
@@ -85,8 +98,10 @@ class ChannelFit:
     dof: int
 
     def squares(self) -> Array:
-        """Return the squared coefficients (4,), 0 for what is absent."""
-        return np.array([(t.value or 0.0) ** 2 for t in self.terms.values()])
+        """Return the squared coefficients (5,), 0 for what is absent."""
+        squares = np.zeros(len(TERMS))
+        squares[: len(self.terms)] = [(t.value or 0.0) ** 2 for t in self.terms.values()]
+        return squares
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +112,7 @@ class NoiseFit:
     channels: dict[str, ChannelFit] = field(default_factory=dict)
 
     def parts(self, channel: str, tau: Array) -> Array:
-        """Return the fitted deviation of each term (k, 4) at averaging times (s)."""
+        """Return the fitted deviation of each term (k, 5) at averaging times (s)."""
         unit = unit_variances(self.source.kind, tau, self.source.duration)
         return np.asarray(np.sqrt(unit * self.channels[channel].squares()))
 
@@ -106,7 +121,7 @@ class NoiseFit:
         return np.asarray(np.sqrt(np.sum(self.parts(channel, tau) ** 2, axis=1)))
 
     def warnings(self) -> list[str]:
-        """Return where the four terms do not meet the curve, in a sentence."""
+        """Return where the terms do not meet the curve, in a sentence."""
         out = []
         for moved in (False, True):
             off = [
@@ -117,12 +132,12 @@ class NoiseFit:
             if off and moved:
                 out.append(
                     f"{', '.join(off)}: this is not the noise of an instrument at rest (the curve "
-                    "is so far off any sum of the four terms): take a stretch at rest with --start "
+                    "is so far off any sum of the terms): take a stretch at rest with --start "
                     "and --stop, and trust no figure of these channels"
                 )
             elif off:
                 out.append(
-                    f"{', '.join(off)}: no sum of the four noise terms meets the curve better (in "
+                    f"{', '.join(off)}: no sum of the terms meets the curve better (in "
                     "parts of the variance), as when the instrument filters; the sigmas include it"
                 )
         return out
@@ -137,7 +152,8 @@ class NoiseFit:
         for part, names in (("gyro", _GYRO), ("accel", _ACCEL)):
             squares = [f.squares() for c, f in self.channels.items() if c.startswith(part)]
             rms = np.sqrt(np.mean(squares, axis=0)) if squares else np.zeros(len(names))
-            tables.append(dict(zip(names, rms.tolist(), strict=True)))
+            # A ramp is no noise, and an instrument that was warming up has another the next day.
+            tables.append(dict(zip(names[:NOISES], rms[:NOISES].tolist(), strict=True)))
         return ImuSpec(
             GyroSpec(**tables[0]),
             AccelerometerSpec(**tables[1]),
@@ -164,6 +180,8 @@ class _Problem:
         self.correlate = correlate
         self.correlation = np.eye(len(y))
         self.misfit = 0.0
+        # Hadamard deviation is blind to a ramp.
+        self.visible = [k for k in range(len(TERMS)) if unit[:, k].any()]
 
     def model(self, squares: Array) -> Array:
         """Return the expected variances, a thousandth of those found at the least."""
@@ -173,8 +191,12 @@ class _Problem:
         """Return the lower Cholesky factor of the variances' covariance."""
         v = self.model(squares)
         share = self.unit * squares / v[:, None]
+        noise, ramp = share[:, :NOISES], share[:, NOISES]
         # An upper bound: as if the covariances of all terms had one shape.
-        spread = v * math.sqrt(2.0) * np.sum(share / np.sqrt(self.edf), axis=1)
+        spread = v * math.sqrt(2.0) * np.sum(noise / np.sqrt(self.edf), axis=1)
+        # A ramp has no scatter of its own: only its product with the noise has.
+        product = 2.0 * v * np.sqrt(ramp * np.sum(noise / self.edf, axis=1))
+        spread = np.hypot(spread, product)
         spread = np.maximum(spread, 1e-6 * v)
         cov = self.correlation * spread[:, None] * spread
         cov[np.diag_indices_from(cov)] += (self.misfit**2 + 1e-12) * v**2 + 1e-3 * spread**2
@@ -227,7 +249,7 @@ def _meet(problem: _Problem, squares: Array, dof: int) -> tuple[Array, Array]:
     """Find the relative misfit that the full model needs for a likely chi-square; fit it."""
     from scipy.special import gammaincc
 
-    everything = list(range(len(TERMS)))
+    everything = problem.visible
     squares, cov = problem.solve(everything, squares)
     if gammaincc(0.5 * dof, 0.5 * problem.surprise(squares)[0]) >= _UNLIKELY:
         return squares, cov
@@ -244,15 +266,16 @@ def _meet(problem: _Problem, squares: Array, dof: int) -> tuple[Array, Array]:
 
 
 def _fit(problem: _Problem, names: tuple[str, ...], units: tuple[str, ...]) -> ChannelFit:
-    active = list(range(len(TERMS)))
+    active = list(problem.visible)
     # A first guess with relative weights of the data themselves.
     root = np.diag(problem.y * np.sqrt(2.0 / problem.edf.min(axis=1)))
     squares = problem.step(active, root)[0]
     for _ in range(4):
         problem.correlation = problem.correlate(squares)
         squares = problem.solve(active, squares)[0]
-    squares, cov = _meet(problem, squares, len(problem.y) - len(TERMS))
-    limits = np.sqrt(squares + 1.645 * np.sqrt(np.diag(cov)))
+    squares, cov = _meet(problem, squares, len(problem.y) - len(active))
+    limits = np.zeros(len(TERMS))
+    limits[active] = np.sqrt(squares[active] + 1.645 * np.sqrt(np.diag(cov)))
     while len(active) > 1:
         here = problem.surprise(squares)[1]
         fewer = [[a for a in active if a != k] for k in active]
@@ -264,6 +287,8 @@ def _fit(problem: _Problem, names: tuple[str, ...], units: tuple[str, ...]) -> C
         active, (squares, cov) = fewer[cheapest], fits[cheapest]
     terms = {}
     for k, (name, unit) in enumerate(zip(names, units, strict=True)):
+        if k not in problem.visible:
+            continue
         if k in active and squares[k] > 0.0:
             value = math.sqrt(squares[k])
             at = active.index(k)
@@ -277,7 +302,7 @@ def _fit(problem: _Problem, names: tuple[str, ...], units: tuple[str, ...]) -> C
 
 
 def fit_noise(found: Allan) -> NoiseFit:
-    """Fit quantisation, random walk, bias instability and rate random walk to each channel.
+    """Fit quantisation, random walk, bias instability, rate random walk and ramp to each channel.
 
     Parameters
     ----------

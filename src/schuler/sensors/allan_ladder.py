@@ -1,4 +1,4 @@
-"""Streaming sums of squared differences: even sampling at the door, then a ladder of strides."""
+"""Streaming sums of squared differences: even sampling first, then a ladder of strides."""
 
 from __future__ import annotations
 
@@ -28,6 +28,12 @@ _WARM_UP = 256
 _JITTER = 0.1
 """Part of the nominal interval that a sample's may be off."""
 
+_SAME = 1e-9
+"""Values that differ by less repeat, but for rounding."""
+
+_LEAST_RUNS = 10
+"""Runs of equal values that show a slower sensor."""
+
 _RUNG = np.unique(np.rint(2.0 ** (np.arange(0, 41) / 4.0)).astype(np.int64))
 """Lags of the first rung, four an octave; the last four of them are those of every other."""
 
@@ -52,18 +58,26 @@ def channel_names(gyros: int, accelerometers: int) -> tuple[str, ...]:
 
 
 class Even:
-    """Pass on the increments of evenly sampled records; share out those that bridge a gap.
+    """Pass on what evenly sampled records were made from; share out what bridges a gap.
 
-    The nominal interval is the median of the first 256 samples. A sample over k intervals (to a
-    tenth of one) becomes k equal parts, counted in `bridged`.
+    That is the increments of each sample, or for records made from instantaneous rates the rates
+    as they came (`ImuRecord.values`), each times the nominal interval `unit`: integrated rates
+    have noise of another colour. The nominal interval is the median of the first 256 samples. A
+    sample over k intervals (to a tenth of one) becomes k equal parts, counted in `bridged`. Where
+    values repeat because the sensor runs slower than the record, each is passed on once.
     """
 
     def __init__(self) -> None:
         self.nominal = 0.0
         self.samples = self.bridged = 0
         self.gyros = self.accelerometers = 3
+        self.hold = 1.0
         self._start = self._end = 0.0
+        self._spans = 0
         self._held: list[ImuRecord] = []
+        self._as_came = False
+        self._last = np.zeros(0)
+        self._run = 0
 
     def copy(self) -> Even:
         """Return a copy that can go on by itself."""
@@ -74,7 +88,12 @@ class Even:
     @property
     def interval(self) -> float:
         """Mean interval, s, without the clock's rounding errors."""
-        return float(f"{(self._end - self._start) / max(self.samples, 1):.12g}")
+        return float(f"{self.hold * (self._end - self._start) / max(self._spans, 1):.12g}")
+
+    @property
+    def unit(self) -> float:
+        """Interval that the increments are passed on for, s."""
+        return self.nominal if self._as_came or self.hold > 1.0 else self.interval
 
     def push(self, record: ImuRecord) -> Array:
         """Return increments (n, c), gyros first; none until the interval is known.
@@ -99,19 +118,32 @@ class Even:
         self._held = []
         self.nominal = float(np.median(held.dt[:_WARM_UP]))
         self.gyros, self.accelerometers = held.dtheta.shape[1], held.dvel.shape[1]
+        self._as_came = held.values is not None
         self._start = held.start
-        return self._convert(held)
+        out = self._even(held)
+        if self._as_came:
+            assert held.values is not None
+            # The value at the start opens the series, and no interval ends with it.
+            out = np.concatenate([held.values[:1] * self.nominal, out])
+        self.hold = _hold(out[:_WARM_UP])
+        self.nominal *= self.hold
+        return self._each_once(out)
 
     def _convert(self, record: ImuRecord) -> Array:
+        return self._each_once(self._even(record))
+
+    def _even(self, record: ImuRecord) -> Array:
         out = np.hstack([record.dtheta, record.dvel])
-        good = np.isfinite(out).all(axis=1)
+        came = record.values[1:] if self._as_came and record.values is not None else None
+        interval = self.nominal / self.hold
+        good = np.isfinite(out if came is None else came).all(axis=1)
         if not good.all():
             row = int(np.flatnonzero(~good)[0])
             raise InputError(
                 f"{record.name}: the sample at {record.time[row]:.9g} s has a value that is not a "
                 "finite number; drop such samples, or cut the record with --start and --stop"
             )
-        parts = record.dt / self.nominal
+        parts = record.dt / interval
         with np.errstate(invalid="ignore"):
             times = np.rint(parts)
             odd = ~((np.abs(parts - times) <= _JITTER) & (times >= 1.0))
@@ -119,18 +151,48 @@ class Even:
             row = int(np.flatnonzero(odd)[0])
             raise InputError(
                 f"{record.name}: the sample at {record.time[row]:.9g} s spans "
-                f"{record.dt[row]:.6g} s, where the record's interval is {self.nominal:.6g} s; "
+                f"{record.dt[row]:.6g} s, where the record's interval is {interval:.6g} s; "
                 "Allan deviation needs even sampling: resample the record, or cut it with --start "
                 "and --stop"
             )
         self._end = record.end
         whole = int(times.sum())
-        self.samples += whole
-        if whole > len(record):
-            k = times.astype(np.int64)
-            self.bridged += int(k[k > 1].sum())
-            out = np.repeat(out / times[:, None], k, axis=0)
+        self._spans += whole
+        if whole == len(record):
+            return np.asarray(out if came is None else came * interval)
+        k = times.astype(np.int64)
+        self.bridged += int(k[k > 1].sum())
+        out = np.repeat(out / times[:, None], k, axis=0)
+        if came is not None:
+            out[np.cumsum(k) - 1] = came * interval
         return np.asarray(out)
+
+    def _each_once(self, out: Array) -> Array:
+        """Return the values that a slower sensor gave, each once."""
+        if self.hold == 1.0:
+            self.samples += len(out)
+            return out
+        out = out * self.hold
+        before = np.vstack([self._last if len(self._last) else out[:1] + 1.0, out[:-1]])
+        begins = ~(np.abs(out - before) <= _SAME * np.abs(out)).all(axis=1)
+        at = np.arange(len(out))
+        latest = np.maximum.accumulate(np.where(begins, at, -1 - self._run))
+        run = at - latest
+        # A value that comes on twice by chance has a run of twice the length.
+        keep = run % round(self.hold) == 0 if self.hold == round(self.hold) else run == 0
+        self._last, self._run = out[-1:].copy(), int(run[-1])
+        self.samples += int(keep.sum())
+        return np.asarray(out[keep])
+
+
+def _hold(values: Array) -> float:
+    """Return how often each row of values comes, 1 where rows do not repeat."""
+    same = (np.abs(np.diff(values, axis=0)) <= _SAME * np.abs(values[1:])).all(axis=1)
+    changes = np.flatnonzero(~same)
+    runs = np.diff(changes)
+    if len(runs) < _LEAST_RUNS or runs.min() < 2 or runs.max() > 2 * runs.min():
+        return 1.0
+    return float(runs[0]) if runs.min() == runs.max() else float(runs.mean())
 
 
 class _Rung:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from schuler._files import replacing
+from schuler.errors import InputError
 from schuler.sensors.allan_fit import NoiseFit, NoiseTerm
 from schuler.sensors.allan_result import Allan
 from schuler.units import to_unit
@@ -94,22 +97,57 @@ def fit_lines(fit: NoiseFit) -> list[str]:
     return lines
 
 
-def save_spec(fit: NoiseFit, path: str | Path) -> None:
+def save_spec(
+    fit: NoiseFit,
+    path: str | Path,
+    *,
+    gyro_bias: float = 0.0,
+    accel_bias: float = 0.0,
+    note: str = "",
+) -> None:
     """Write the fitted noise as a TOML specification that ``--spec`` takes.
+
+    Parameters
+    ----------
+    fit : NoiseFit
+    path : str or path
+    gyro_bias, accel_bias : float
+        What a static record does not show, 1 sigma, rad/s and m/s^2; the file says where it holds
+        none.
+    note : str
+        Added to where the figures come from.
 
     Raises
     ------
     InputError
-        If the file cannot be written.
+        If a bias is no number of 0 or more, or the file cannot be written.
     """
     import tomli_w
 
     path = Path(path)
-    spec = fit.to_spec(path.stem)
-    text = tomli_w.dumps({"name": spec.name, "source": spec.source, **spec.describe()})
-    head = (
-        "# Noise from a static record, rms over the axes. Bias does not show in it: take from the\n"
-        '# data sheet bias = "... deg/h" for [gyro] and bias = "... ug" for [accelerometer].\n'
+    for name, value in (("gyro", gyro_bias), ("accelerometer", accel_bias)):
+        if not (math.isfinite(value) and value >= 0.0):
+            raise InputError(f"the {name} bias must be 0 or more (1 sigma), got {value:g}")
+    found = fit.to_spec(path.stem)
+    without = [
+        name for name, value in (("gyro", gyro_bias), ("accelerometer", accel_bias)) if not value
+    ]
+    said = [found.source]
+    if without:
+        said.append(f"no {' or '.join(without)} bias is in it")
+    spec = replace(
+        found,
+        gyro=replace(found.gyro, bias=gyro_bias),
+        accelerometer=replace(found.accelerometer, bias=accel_bias),
+        source="; ".join([*said, *([note] if note else [])]),
     )
+    text = tomli_w.dumps({"name": spec.name, "source": spec.source, **spec.describe()})
+    head = "# Noise from a static record, rms over the axes.\n"
+    if without:
+        head += (
+            f"# It holds no {' or '.join(without)} bias, which does not show in a record at rest:\n"
+            '# take from the data sheet bias = "... deg/h" for [gyro], bias = "... ug" for\n'
+            "# [accelerometer], or say --gyro-bias and --accel-bias.\n"
+        )
     with replacing(path) as temporary:
         temporary.write_text(head + text, encoding="utf-8")

@@ -1,8 +1,8 @@
 """What noise does to Allan, Hadamard and total variance: expected values, spectra, freedom.
 
 Terms and symbols are those of `schuler.sensors.errors` (IEEE Std 952-1997, annex C): quantisation
-Q, random walk N, bias instability B, rate random walk K. Each adds its squared coefficient times a
-function of the averaging time.
+Q, random walk N, bias instability B, rate random walk K, and the rate ramp R, a steady drift. Each
+adds its squared coefficient times a function of the averaging time.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "KINDS",
+    "NOISES",
     "TERMS",
     "Kind",
     "bounds",
@@ -32,8 +33,11 @@ Kind = Literal["allan", "hadamard", "total"]
 #: the kinds of deviation
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
-#: quantisation, angle or velocity random walk, bias instability, rate random walk
-TERMS = ("Q", "N", "B", "K")
+#: quantisation, angle or velocity random walk, bias instability, rate random walk, rate ramp
+TERMS = ("Q", "N", "B", "K", "R")
+
+#: how many of them are noise; the ramp is none, and has no scatter of its own
+NOISES = 4
 
 _ALPHAS = (2, 0, -1, -2)
 """Powers of frequency: white phase (Q), white rate (N), flicker rate (B), random walk rate (K)."""
@@ -49,11 +53,12 @@ _TOTAL = {0: (1.50, 0.0, 0.0), -1: (1.17, 0.22, 1.0 / (3.0 * np.log(2.0))), -2: 
 
 
 def unit_variances(kind: Kind, tau: Array, duration: float) -> Array:
-    """Return the expected variance (k, 4) of each of `TERMS` with coefficient 1.
+    """Return the expected variance (k, 5) of each of `TERMS` with coefficient 1.
 
-    Allan: 3/tau^2, 1/tau, 2 ln2/pi, tau/3 (IEEE Std 952-1997, C.1). Hadamard: from the same
-    spectra by third differences, 10/(3 tau^2), 1/tau, ln(256/27)/(2 pi), tau/6. Total:
-    Allan's, with its known bias for B and K (NIST SP 1065, table 9) and for Q.
+    Allan: 3/tau^2, 1/tau, 2 ln2/pi, tau/3, tau^2/2 (IEEE Std 952-1997, C.1). Hadamard: from the
+    same spectra by third differences, 10/(3 tau^2), 1/tau, ln(256/27)/(2 pi), tau/6, and none of
+    a ramp. Total: Allan's, with its known bias for B and K (NIST SP 1065, table 9), for Q and for
+    R, whose curvature the reflection turns over.
 
     Parameters
     ----------
@@ -66,12 +71,15 @@ def unit_variances(kind: Kind, tau: Array, duration: float) -> Array:
     one = np.ones_like(tau)
     if kind == "hadamard":
         parts = [10.0 / 3.0 / tau**2, 1.0 / tau, np.log(256.0 / 27.0) / (2.0 * np.pi) * one,
-                 tau / 6.0]  # fmt: skip
+                 tau / 6.0, 0.0 * one]  # fmt: skip
     else:
-        parts = [3.0 / tau**2, 1.0 / tau, 2.0 * np.log(2.0) / np.pi * one, tau / 3.0]
+        parts = [3.0 / tau**2, 1.0 / tau, 2.0 * np.log(2.0) / np.pi * one, tau / 3.0,
+                 0.5 * tau**2]  # fmt: skip
     if kind == "total":
         # A reflected point brings the end's rounding with it: 10 instead of 6 squares, twice tau/T.
         parts[0] = parts[0] * (1.0 + 4.0 / 3.0 * tau / duration)
+        # Within tau of an end a ramp's differences are (2u - u^2) of the others', u = t/tau.
+        parts[4] = parts[4] * (1.0 - 14.0 / 15.0 * np.minimum(tau / duration, 0.5))
         for k, alpha in ((2, -1), (3, -2)):
             parts[k] = parts[k] * (1.0 - _TOTAL[alpha][2] * np.minimum(tau / duration, 0.5))
     return np.column_stack(parts)
@@ -135,7 +143,7 @@ def _nearest_power(deviation: Array, lags: Lags, samples: int) -> Lags:
 
 
 def freedom(kind: Kind, lags: Lags, samples: int) -> Array:
-    """Return the degrees of freedom (k, 4) that variances would have under each of `TERMS` alone.
+    """Return the degrees of freedom (k, 4) that variances would have under each noise alone.
 
     Total deviation: edf = b T/tau - c of NIST SP 1065, table 8, and Allan's where that is more
     (short times) or for quantisation.
@@ -218,10 +226,10 @@ def correlations(w: Array, filtered: Array, interval: float, squares: Array) -> 
         From `filters`.
     interval : float
         Sampling interval, s.
-    squares : (4,) float64
-        Squared coefficients of `TERMS`.
+    squares : (5,) float64
+        Squared coefficients of `TERMS`; those of the noises are looked at.
     """
-    q, n, b, k = squares
+    q, n, b, k = squares[:NOISES]
     # The phase's spectrum: white rounding of samples, else the rate's over w^2.
     phase = (n + b / w + k / w**2) / w**2 + q * interval
     parts = filtered * phase[:, None]
