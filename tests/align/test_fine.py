@@ -95,9 +95,9 @@ def test_a_robust_filter_survives_a_jump_that_throws_a_plain_one():
     rng = np.random.default_rng(9)
     record = simulate(Static(30.0), SITE, 200.0, 50.0, FOG, rng).record
     hit = record.dvel.copy()
-    # A knock of 0.1 m/s within one sample, and back in the one a second later.
-    hit[5000, 0] += 0.1
-    hit[5050, 0] -= 0.1
+    # A knock of 0.1 m/s within two samples (one alone is taken for a bad one), and back later.
+    hit[5000:5002, 0] += 0.05
+    hit[5050:5052, 0] -= 0.05
     knocked = replace(record, dvel=hit)
     plain = Fine(12, "velocity", base=False, noise=0.01)
     clean = align(record, SITE, plain, FOG).heading_deg

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -123,7 +124,10 @@ def test_interrupt_gives_the_result_so_far(csv: Path) -> None:
         out, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
     assert "Traceback" not in err
-    assert "1199 samples" in out
+    # The last rows wait for others to follow: whether they are bad samples is not known yet.
+    found = re.search(r"(\d+) samples", out)
+    assert found is not None
+    assert 1180 <= int(found[1]) <= 1199
     assert out.splitlines()[-1].startswith("heading budget")
 
 

@@ -84,8 +84,14 @@ def assess(
         if spec is not None and bias > 4.6 * bias_sigma(spec.gyro, site.gravity):
             contradictions = (Contradiction("earth-rate", _bias_text(bias, spec)),)
         return Assessment(_level_only(h, summary, site, spec), contradictions, (_NO_HEADING,))
-    best = found.best if found.best is not None else joint(h, site, found.spec)
-    result = check(h, best, summary, site, found.spec)
+    try:
+        best = found.best if found.best is not None else joint(h, site, found.spec)
+        result = check(h, best, summary, site, found.spec)
+    except np.linalg.LinAlgError:
+        raise InputError(
+            "the record's values fix no attitude that could be tested: check its columns, units "
+            "and rows (schuler info shows them)"
+        ) from None
     notes: list[str] = []
     if result.least_bias > EARTH_RATE * np.cos(site.latitude):
         found = _level_only(h, summary, site, spec)
