@@ -123,7 +123,8 @@ def test_interrupt_gives_the_result_so_far(csv: Path) -> None:
         out, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
     assert "Traceback" not in err
-    assert "1199 samples" in out
+    # The last eight rows of 1200 wait for those that show them to be good.
+    assert "1191 samples" in out
     assert out.splitlines()[-1].startswith("heading budget")
 
 

@@ -178,3 +178,15 @@ def test_gyros_and_accelerometers_that_do_not_share_axes():
     crossed = ImuRecord(record.time, record.dt, record.dtheta[:, [2, 0, 1]], record.dvel)
     (hint,) = summary_of(crossed).hints(SITE)
     assert "do the gyros and the accelerometers share their axes" in hint
+
+
+@pytest.mark.parametrize("repeats", [1, 5])
+def test_noise_is_that_of_the_values_as_they_came(repeats):
+    """White rates at 100 Hz, also where a file holds each five times: 0.3 deg/sqrt(h), to 2 %."""
+    rng = np.random.default_rng(5)
+    x = np.repeat(rng.normal(size=(6000, 6)), repeats, axis=0)
+    x *= np.repeat([np.deg2rad(0.05), 0.01], 3)
+    t = np.arange(1, len(x) + 1) / (100.0 * repeats)
+    summary = summary_of(ImuRecord.from_rates(t, x[:, :3], x[:, 3:]), cuts=(700, 3001))
+    assert summary.noise_gyro == pytest.approx(np.deg2rad(0.05) / 10.0, rel=0.02)
+    assert summary.noise_accel == pytest.approx(0.001, rel=0.02)
