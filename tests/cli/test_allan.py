@@ -94,6 +94,39 @@ def test_a_specification_goes_on_to_align(run: Run, still: Path, csv: Path) -> N
     assert "heading" in ran.out
 
 
+def test_a_specification_takes_what_no_record_shows(run: Run, still: Path) -> None:
+    spec = still.with_name("with_bias.toml")
+    more = ("--gyro-bias", "0.5 deg/h", "--accel-bias", "100 ug", "--note", "unit 7")
+    assert run("allan", still, *MEANS, "--save-spec", spec, *more).code == 0
+    found = ImuSpec.from_toml(spec)
+    assert np.degrees(found.gyro.bias) * 3600 == pytest.approx(0.5)
+    assert found.source.endswith("; unit 7")
+    assert "holds no" not in spec.read_text(encoding="utf-8")
+
+
+def test_spikes_are_named_and_may_be_kept(run: Run, tmp_path: Path) -> None:
+    """White noise of 0.3 deg/sqrt(h) with three samples of 2000 deg/s, read at default options."""
+    rng = np.random.default_rng(5)
+    rows = np.column_stack(
+        [np.arange(1, 6001) / 100, 0.05 * rng.normal(size=(6000, 3)),
+         0.001 * rng.normal(size=(6000, 3)) + [0, 0, 1.0]]
+    )  # fmt: skip
+    rows[[1000, 2400, 4200], 1] = 2000.0
+    path = tmp_path / "spike.csv"
+    names = "time,gyro_x [deg/s],gyro_y [deg/s],gyro_z [deg/s],acc_x [g],acc_y [g],acc_z [g]"
+    np.savetxt(path, rows, "%.6g", ",", header=names, comments="")
+    ran = run("allan", path, "--json", "-")
+    assert ran.code == 0
+    fit = json.loads(ran.out)["channels"]["gyro_x"]["fit"]
+    assert fit["angle_random_walk"]["value"] == pytest.approx(0.3, rel=0.03)
+    assert "warning: 3 samples were left out as spikes: row 1001 (t = 10.01 s), gyro x, 2000" in (
+        ran.err
+    )
+    kept = run("allan", path, "--keep-spikes", "--json", "-")
+    assert "spike" not in kept.err
+    assert json.loads(kept.out)["channels"]["gyro_x"]["adev"][0] > 1e5
+
+
 def test_report(run: Run, still: Path) -> None:
     page = still.with_name("noise.html")
     assert run("allan", still, *MEANS, "--report", page).code == 0
@@ -126,6 +159,9 @@ def test_part_of_a_record(run: Run, still: Path) -> None:
         (("--json", "no/such/place.json"), ["no folder"]),
         (("--report", "no/such/place.html"), ["no folder"]),
         (("--save-spec", "no/such/place.toml"), ["no folder"]),
+        (("--gyro-bias", "1 deg/h"), ["--gyro-bias", "--save-spec"]),
+        (("--save-spec", "x.toml", "--gyro-bias", "1 ug"), ["--gyro-bias", "angular rate"]),
+        (("--save-spec", "x.toml", "--accel-bias", "-1 ug"), ["--accel-bias", "negative"]),
     ],
 )
 def test_what_cannot_be_done_is_one_sentence(

@@ -270,3 +270,15 @@ def test_a_truck_with_its_crew_is_at_rest(seed):
 def test_a_wrong_unit_moves_nothing():
     for change in ({"gyro": 180 / math.pi * 3600}, {"accel": 1 / 9.80665}, {"accel": 1e3}):
         assert not summary_of(changed(standing(100), **change)).turned
+
+
+@pytest.mark.parametrize("repeats", [1, 5])
+def test_noise_is_that_of_the_values_as_they_came(repeats):
+    """White rates at 100 Hz, also where a file holds each five times: 0.3 deg/sqrt(h), to 2 %."""
+    rng = np.random.default_rng(5)
+    x = np.repeat(rng.normal(size=(6000, 6)), repeats, axis=0)
+    x *= np.repeat([np.deg2rad(0.05), 0.01], 3)
+    t = np.arange(1, len(x) + 1) / (100.0 * repeats)
+    summary = summary_of(ImuRecord.from_rates(t, x[:, :3], x[:, 3:]), cuts=(700, 3001))
+    assert summary.noise_gyro == pytest.approx(np.deg2rad(0.05) / 10.0, rel=0.02)
+    assert summary.noise_accel == pytest.approx(0.001, rel=0.02)

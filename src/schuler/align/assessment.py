@@ -100,7 +100,7 @@ def assess(
         wider = found.spec or ImuSpec(GyroSpec(), AccelerometerSpec(), name="none")
         try:
             larger = _with_bias(h, with_gyro_bias(wider, result.least_bias), again)
-        except InputError:
+        except (InputError, np.linalg.LinAlgError):
             larger = _level_only(h, summary, site, spec)
         if spec is None:
             larger = replace(larger, spec=None)

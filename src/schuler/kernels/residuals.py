@@ -38,7 +38,7 @@ AHEAD = 8
 LEAST = 24
 """Of fewer rows nothing can be told."""
 
-_BLOW, _PUSH = 4e-3, 0.05
+_BLOW, _PUSH = 4e-3, 0.09
 """A blow lasts longer than so many s, and changes the velocity by less than so many m/s."""
 
 EVERY = 4.0
