@@ -8,7 +8,7 @@ import pytest
 from tests.align.sigma_table import CONDITIONS, run
 from tests.conftest import chi_square_band
 
-SEEDS = 20
+SEEDS = 10
 #: quick ones of each kind
 HELD = [c for c in CONDITIONS if c.length * c.rate <= 6000 and c.rate <= 100][::2]
 
