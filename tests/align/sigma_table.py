@@ -191,10 +191,11 @@ def run(condition: Condition, seeds: int) -> Row:
 
 def table(rows: list[Row]) -> str:
     """Return the rows as a Markdown table."""
-    lines = ["| condition | heading | tilt | flagged |", "|---|---|---|---|"]
+    lines = ["| condition | heading | tilt | flagged | records |", "|---|---|---|---|---|"]
     for row in rows:
         tilt = "-" if np.isnan(row.tilt) else f"{row.tilt:.2f}"
-        lines.append(f"| {row.condition} | {row.heading:.2f} | {tilt} | {row.flagged} |")
+        cells = (row.condition, f"{row.heading:.2f}", tilt, row.flagged, row.seeds)
+        lines.append(f"| {' | '.join(map(str, cells))} |")
     return "\n".join(lines) + "\n"
 
 

@@ -42,6 +42,7 @@ def found(record):
     return [(s.row - 1, CHANNELS.index(s.channel)) for s in without_spikes(record)[1]]
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("kind", "grade", "rate"),
     [
@@ -73,6 +74,7 @@ def test_one_bad_sample_of_any_size_channel_and_instant_is_named(kind, grade, ra
     assert named >= 99
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("row", [0, 1, 2, 3, 100, -4, -3, -2, -1])
 @pytest.mark.parametrize("kind", ["static", "ship"])
 def test_the_first_and_the_last_samples_too(kind, row):
@@ -82,6 +84,7 @@ def test_the_first_and_the_last_samples_too(kind, row):
         assert found(spoilt(record, at, channel, size)) == [(at, channel)]
 
 
+@pytest.mark.compiled
 def test_good_records_have_none():
     """At most 1 % of good records with any named; here 0 of 60, each motion, grade and rate."""
     grades = ("navigation-rlg", "navigation-fog", "tactical-fog", "industrial-mems")
@@ -102,6 +105,7 @@ def test_both_gyro_channels_of_a_row_may_be_bad():
     assert spikes[0].replaced_by == good.dtheta[777, 0]
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("length", [0.02, 0.04, 0.08])
 @pytest.mark.parametrize("rate", [50.0, 100.0, 400.0])
 def test_a_real_shock_shows_in_the_force_and_stays(rate, length):
@@ -116,6 +120,7 @@ def test_a_real_shock_shows_in_the_force_and_stays(rate, length):
     assert found(ImuRecord(t, record.dt, dtheta, dvel)) == []
 
 
+@pytest.mark.compiled
 def test_coarse_and_held_values_are_none():
     rng = np.random.default_rng(7)
     n = 20_000
@@ -171,6 +176,7 @@ def test_rows_of_the_file_are_counted_where_some_were_dropped():
     assert [s.row for s in taken("rates", t, x)[1].spikes] == [601]
 
 
+@pytest.mark.compiled
 def test_more_than_a_few_are_refused_wherever_it_is_cut():
     t, x = rows(5000)
     at = 300 + 333 * np.arange(12)
@@ -230,6 +236,7 @@ def test_a_record_in_memory_of_another_shape_comes_back_as_it_is():
     assert without_spikes(short)[0] is short
 
 
+@pytest.mark.compiled
 @pytest.mark.realdata
 def test_real_records_have_none(data_dir):
     import schuler as sc
