@@ -594,6 +594,7 @@ def test_values_that_repeat_are_taken_once(kind, size):
 # -- a steady drift ------------------------------------------------------------------------
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("kind", ["allan", "total"])
 def test_a_steady_drift_is_a_term_of_its_own(kind):
     """20 records: the ramp within its sigmas (rms of z 0.4 to 1.6), no rate random walk."""
