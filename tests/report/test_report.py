@@ -230,3 +230,14 @@ def test_a_page_appears_whole_or_not_at_all(
 def test_a_folder_that_is_not_there(fix: Alignment, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no folder"):
         report(fix, tmp_path / "no" / "r.html")
+
+
+def test_a_contradiction_stands_above_the_heading(fix: Alignment, tmp_path: Path) -> None:
+    text = report(fix, tmp_path / "good.html").read_text(encoding="utf-8")
+    assert 'aria-label="Inconsistent"' not in text
+    wrong = fix.contradicted(["the <sign> is wrong"])
+    text = report(wrong, tmp_path / "wrong.html").read_text(encoding="utf-8")
+    box, value = (text.index(s) for s in ('aria-label="Inconsistent"', '<p class="value">'))
+    assert box < value
+    assert "the &lt;sign&gt; is wrong" in text
+    assert '<p class="value">no heading (sigma 104 deg) <' in text

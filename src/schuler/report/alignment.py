@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 
@@ -51,8 +52,13 @@ def report(result: Alignment | Windows, path: str | Path) -> Path:
 def _headline(fix: Alignment, name: str) -> str:
     sigma = fix.sigma_arcmin
     bound = fix.limit_arcmin
-    value, _, rest = fix.headline().removeprefix("heading ").partition(" deg ")
+    # What contradicts the record stands above the heading, in a box of its own.
+    told = replace(fix, contradictions=()).headline()
+    value, degrees, rest = told.removeprefix("heading ").partition(" deg ")
     spread = rest.partition(" (")[0]
+    if not told.startswith("heading ") or not degrees or "±" not in rest:
+        value, degrees, spread = told, "", ""
+    wrong = "".join(f"<li>{escape(text)}</li>" for text in fix.contradictions)
     facts = [
         (f"{fix.pitch_deg:.4f}°", "pitch"),
         (f"{fix.roll_deg:.4f}°", "roll"),
@@ -66,7 +72,8 @@ def _headline(fix: Alignment, name: str) -> str:
     )
     return (
         f"<h1>Alignment · {escape(name)}</h1>"
-        f'<p class="value">{escape(value)}° <span class="pm">'
+        + (f'<ul class="contradictions" aria-label="Inconsistent">{wrong}</ul>' if wrong else "")
+        + f'<p class="value">{escape(value)}{"°" if degrees else ""} <span class="pm">'
         f"{escape(spread.replace(chr(39), '′'))}</span></p>"
         f'<p class="sub">Heading clockwise from true north ± 1 sigma, at the {escape(fix.at)} '
         f"of the span (t = {fix.time:.9g} s), {escape(str(fix.method))}</p>"
