@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.constants import DEG, EARTH_RATE
-from schuler.errors import InputError
+from schuler.errors import InputError, expect
 
 __all__ = ["Site", "earth_rate", "gravity", "radii", "transport_rate"]
 
@@ -119,6 +120,7 @@ class Site:
             ("longitude", self.lon, -180.0, 360.0, "deg"),
             ("height", self.height, -12000.0, 100000.0, "m"),
         ):
+            expect(value, Real, label)
             if not (math.isfinite(value) and low <= value <= high):
                 raise InputError(
                     f"{label} must be between {low:g} and {high:g} {unit}, got {value:g}"

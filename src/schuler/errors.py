@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-__all__ = ["InputError", "SchulerError", "printable", "shown"]
+from numbers import Real
+
+__all__ = ["InputError", "SchulerError", "expect", "printable", "shown"]
 
 #: characters of a message; what a file brings into it has no end otherwise
 _LONGEST = 4000
@@ -20,6 +22,38 @@ class SchulerError(Exception):
 
 class InputError(SchulerError, ValueError):
     """Something that was given (a file, a value, an option) cannot be used as it is."""
+
+
+def expect(value: object, kind: type | tuple[type, ...], what: str, how: str = "") -> None:
+    """Refuse an argument that is not of the type that a function is for.
+
+    Parameters
+    ----------
+    value : object
+    kind : type or tuple of type
+        What it must be an instance of.
+    what : str
+        The argument's name.
+    how : str
+        What to do instead.
+
+    Raises
+    ------
+    InputError
+        One sentence: what was expected, what came, what to do.
+
+    Examples
+    --------
+    >>> expect(34.2, str, "name")
+    Traceback (most recent call last):
+    schuler.errors.InputError: name: expected str, got float
+    """
+    if isinstance(value, kind):
+        return
+    kinds = kind if isinstance(kind, tuple) else (kind,)
+    wanted = " or ".join("a number" if each is Real else each.__name__ for each in kinds)
+    tail = f"; {how}" if how else ""
+    raise InputError(f"{what}: expected {wanted}, got {type(value).__name__}{tail}")
 
 
 def printable(text: str) -> str:

@@ -28,7 +28,7 @@ from schuler.align.result import Alignment
 from schuler.attitude import nearest_quat
 from schuler.constants import ARCMIN
 from schuler.earth import Site
-from schuler.errors import InputError
+from schuler.errors import InputError, expect
 from schuler.record import ImuRecord, Reading, Summariser, without_spikes
 from schuler.record.spikes import spikes_warning
 from schuler.sensors import ImuSpec, SensorArray, load_array, load_spec
@@ -39,6 +39,9 @@ Array = NDArray[np.float64]
 
 POLE = 89.0
 """Latitude (deg) beyond which the Earth's rotation has too little level part for a heading."""
+
+HOW_RECORD = "read a file with schuler.read, a table with schuler.io.from_pandas"
+HOW_SITE = "say schuler.Site(lat, lon, height)"
 
 _BIAS_MISSING = (
     "no instrument specification was given: sigma holds the disturbance seen in the record, but "
@@ -86,6 +89,7 @@ class Aligner:
     ) -> None:
         from schuler.kernels import tracking
 
+        expect(site, Site, "site", HOW_SITE)
         if abs(site.lat) > POLE:
             raise InputError(
                 f"latitude {site.lat:g} deg is within {90 - POLE:g} deg of a pole: heading cannot "
@@ -127,6 +131,7 @@ class Aligner:
         InputError
             If the chunk has not three gyros and three accelerometers, or does not follow.
         """
+        expect(chunk, ImuRecord, "record", HOW_RECORD)
         if not len(chunk):
             return self
         if self.array is not None:
@@ -137,18 +142,19 @@ class Aligner:
                 f"{chunk.dtheta.shape[1]} and {chunk.dvel.shape[1]}; of more gyros, name the "
                 "array's geometry"
             )
+        if len(self._tail[0]) and chunk.time[0] <= self._tail[0][-1]:
+            raise InputError(
+                f"a chunk starts at t = {chunk.time[0]:.9g} s, not after the last sample "
+                f"({self._tail[0][-1]:.9g} s)"
+            )
         if self.method.prefilter is not None:
+            self._tail = (chunk.time[-1:], chunk.dt[-1:])
             self._held.append(chunk)
             return self
         if isinstance(self.method, (Fine, Gyrocompass)):
             self._held.append(chunk)
         if not self._subsamples:
             self._open(chunk)
-        elif chunk.time[0] <= self._tail[0][-1]:
-            raise InputError(
-                f"a chunk starts at t = {chunk.time[0]:.9g} s, not after the last sample "
-                f"({self._tail[0][-1]:.9g} s)"
-            )
         self._tracking.track(
             self._state, self._nodes, self._subsamples, *self._flags,
             chunk.time, chunk.dt, chunk.dtheta, chunk.dvel,
@@ -350,7 +356,7 @@ def align(
     at: str = "end",
     array: SensorArray | str | None = None,
 ) -> Alignment:
-    """Align a record: attitude and heading with an honest uncertainty.
+    """Align a record: attitude and heading with a consistent uncertainty.
 
     Parameters
     ----------
@@ -377,6 +383,7 @@ def align(
     >>> fix = align(record, Site(34.246, 108.910, 380), spec="navigation-rlg")  # doctest: +SKIP
     >>> print(fix)  # doctest: +SKIP
     """
+    expect(record, ImuRecord, "record", HOW_RECORD)
     said: list[str] = []
     if record.quality is None and record.dtheta.shape[1] == record.dvel.shape[1] == 3:
         # A record that was read has been looked through already.

@@ -91,8 +91,8 @@ class FineResult:
         C_b^n at the wanted instant.
     budget : dict of str to (3, 3) float64
         Covariance of phi by source, rad^2.
-    biases : (6,) float64
-    bias_covariance : (6, 6) float64
+    biases, bias_covariance : (6,), (6, 6) float64 or None
+        None for a large azimuth: there the gyro biases are part of the rate that shows north.
     passed : FinePass
         The last pass.
     refused, weighed : int
@@ -101,8 +101,8 @@ class FineResult:
 
     attitude: Array
     budget: dict[str, Array]
-    biases: Array
-    bias_covariance: Array
+    biases: Array | None
+    bias_covariance: Array | None
     passed: FinePass
     refused: int
     weighed: int
@@ -429,12 +429,6 @@ def _wandering(setting: _Setting, record: ImuRecord, q: Array, at_end: bool) -> 
     passed = FinePass(
         passed.t, np.asarray(multiply(turn, passed.quaternion)),
         np.column_stack([passed.sigma[:, :2], np.hypot(across, sigma / north)]),
-        np.zeros_like(passed.gyro_bias), passed.accel_bias, passed.innovation,
+        np.full_like(passed.gyro_bias, np.nan), passed.accel_bias, passed.innovation,
     )  # fmt: skip
-    gyro = np.zeros((6, 6))
-    gyro[:3, :3] = sigma**2 * np.eye(3)
-    gyro[3:, 3:] = f.p[9:12, 9:12]
-    return FineResult(
-        attitude, budget, np.concatenate([np.zeros(3), f.biases[3:]]), gyro, passed,
-        int(f.state[37]), int(f.state[38]),
-    )  # fmt: skip
+    return FineResult(attitude, budget, None, None, passed, int(f.state[37]), int(f.state[38]))

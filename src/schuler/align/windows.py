@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from schuler.align.methods import Method
 from schuler.align.result import Alignment
 from schuler.constants import DEG
 from schuler.earth import Site
-from schuler.errors import InputError
+from schuler.errors import InputError, expect
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec, load_spec
 
@@ -108,6 +109,7 @@ def align_windows(
     InputError
         If no window is full, or as `align`.
     """
+    expect(length, Real, "window", "give its length in seconds")
     if not (np.isfinite(length) and length > 0):
         raise InputError(f"the window must be a positive time, got {length} s")
     spec = load_spec(spec)

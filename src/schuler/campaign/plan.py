@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import Any
 
 from schuler._version import __version__
-from schuler.align import parse_method
+from schuler.align import METHODS, parse_method
 from schuler.campaign.chunk import Chunk
 from schuler.config import Scenario
 from schuler.config.load import with_overrides
@@ -69,7 +69,7 @@ class Campaign:
             raise InputError(f"a campaign needs one run at least, got {self.runs}")
         if self.chunk < 1:
             raise InputError(f"a chunk needs one run at least, got {self.chunk}")
-        object.__setattr__(self, "methods", tuple(str(parse_method(m)) for m in self.methods))
+        object.__setattr__(self, "methods", tuple(_name(m) for m in self.methods))
         if len(set(self.methods)) != len(self.methods):
             raise InputError(f"a method is named twice: {', '.join(self.methods)}")
         for key, values in self.sweep.items():
@@ -126,3 +126,15 @@ class Campaign:
     def digest(self) -> str:
         """SHA-256 of the manifest."""
         return hashlib.sha256(json.dumps(self.manifest, sort_keys=True).encode()).hexdigest()
+
+
+def _name(method: Any) -> str:
+    """Return the name of a method, by which workers make it again."""
+    found = parse_method(method)
+    name = str(found)
+    if METHODS.get(name) != found:
+        raise InputError(
+            f"the method {found!r} has options that a campaign's rows cannot hold; use a named "
+            f"one: {', '.join(METHODS)}"
+        )
+    return name

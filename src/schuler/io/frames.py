@@ -89,7 +89,7 @@ def from_pandas(
     return _record(content, given, max_gap)
 
 
-def from_xarray(dataset: xr.Dataset, **options: Any) -> ImuRecord:
+def from_xarray(dataset: xr.Dataset, *, max_gap: float | None = None) -> ImuRecord:
     """Make a record from a dataset that `ImuRecord.to_xarray` made, or one like it.
 
     Parameters
@@ -97,8 +97,8 @@ def from_xarray(dataset: xr.Dataset, **options: Any) -> ImuRecord:
     dataset : xarray.Dataset
         ``dtheta`` and ``dvel`` over time and an axis of three, ``dt`` where it is known, in rad,
         m/s and s; time as a coordinate, s.
-    **options
-        `max_gap`, as for `schuler.open_source`.
+    max_gap : float, optional
+        As for `schuler.open_source`.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def from_xarray(dataset: xr.Dataset, **options: Any) -> ImuRecord:
         name=str(dataset.attrs.get("name", "dataset")),
         complete=True,
     )
-    return _record(content, Mapping(), options.pop("max_gap", None))
+    return _record(content, Mapping(), max_gap)
 
 
 def from_pyins(

@@ -8,7 +8,7 @@ w_s +- w_ie sinL (the Foucault beat), one at the Earth's rate, a constant, and a
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,10 +17,13 @@ from schuler._notebook import Shown
 from schuler.attitude import multiply, psi_to_heading, quat_to_euler, quat_to_rotvec
 from schuler.constants import DEG
 from schuler.earth import gravity, radii
-from schuler.errors import InputError
+from schuler.errors import InputError, expect
 from schuler.io.reference import Reference
 from schuler.navigate.path import Path
 from schuler.navigate.propagation import error_matrix
+
+if TYPE_CHECKING:
+    from schuler.simulate import Truth
 
 __all__ = ["Components", "Evaluation", "cep", "components", "evaluate", "schuler_rate"]
 
@@ -189,11 +192,17 @@ def _wrapped(angle: Array) -> Array:
     return np.asarray(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi)
 
 
-def evaluate(path: Path, reference: Reference) -> Evaluation:
+def evaluate(path: Path, reference: Reference | Truth) -> Evaluation:
     """Compare a path with a reference at the reference's times.
 
     The path is interpolated between its rows (position with the velocity's cubic); give every row
     for a fast record. Reference times outside the path are passed over.
+
+    Parameters
+    ----------
+    path : Path
+    reference : Reference or Truth
+        As `schuler.io.read_reference` reads it, or the truth of a simulation.
 
     Raises
     ------
@@ -201,6 +210,15 @@ def evaluate(path: Path, reference: Reference) -> Evaluation:
         If the two have no time in common.
     """
     from scipy.interpolate import CubicHermiteSpline
+
+    from schuler.simulate import Truth
+
+    expect(path, Path, "path", "give what schuler.navigate returns")
+    if isinstance(reference, Truth):
+        reference = Reference(
+            reference.time, reference.position, reference.velocity, reference.quaternion, "truth"
+        )
+    expect(reference, Reference, "reference", "read one with schuler.io.read_reference")
 
     t = path.time
     slack = 1e-6

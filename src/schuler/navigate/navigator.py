@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.attitude import euler_to_quat, heading_to_psi, nearest_quat
 from schuler.constants import DEG
 from schuler.earth import Site
-from schuler.errors import InputError
+from schuler.errors import InputError, expect
 from schuler.navigate.options import Gravity, Vertical, parse_gravity, parse_vertical
 from schuler.navigate.path import Path
 from schuler.record import ImuRecord
@@ -329,6 +329,8 @@ def navigate(
     --------
     >>> path = navigate(record, Start.from_angles(site, heading=40.0))  # doctest: +SKIP
     """
+    expect(record, ImuRecord, "record", "read a file with schuler.read")
+    expect(start, (Start, Site), "start")
     if isinstance(start, Site):
         if fix is None:
             raise InputError("a site alone has no attitude: give an alignment, or a Start")

@@ -14,7 +14,7 @@ from schuler.attitude import rotate
 from schuler.errors import InputError
 from schuler.record import ImuRecord
 
-__all__ = ["CHANNELS", "FRAMES", "Prefilter", "each_channel", "even_interval"]
+__all__ = ["CHANNELS", "FRAMES", "Prefilter", "check_channels", "each_channel", "even_interval"]
 
 Array = NDArray[np.float64]
 
@@ -51,6 +51,20 @@ def even_interval(record: ImuRecord) -> float:
     return interval
 
 
+def check_channels(channels: str, frame: str) -> None:
+    """Refuse a choice that `each_channel` does not have.
+
+    Raises
+    ------
+    InputError
+        Naming the choices.
+    """
+    if channels not in CHANNELS:
+        raise InputError(f"channels must be accel, gyro or both, got '{channels}'")
+    if frame not in FRAMES:
+        raise InputError(f"frame must be inertial or body, got '{frame}'")
+
+
 def each_channel(
     record: ImuRecord, channels: str, frame: str, function: Callable[[Array], Array]
 ) -> ImuRecord:
@@ -73,10 +87,7 @@ def each_channel(
     InputError
         For another choice of channels or frame.
     """
-    if channels not in CHANNELS:
-        raise InputError(f"channels must be accel, gyro or both, got '{channels}'")
-    if frame not in FRAMES:
-        raise InputError(f"frame must be inertial or body, got '{frame}'")
+    check_channels(channels, frame)
     dt = record.dt[:, None]
     rates = {}
     if channels != "accel":

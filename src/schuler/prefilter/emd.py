@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import InputError
-from schuler.prefilter.base import each_channel, even_interval
+from schuler.prefilter.base import check_channels, each_channel, even_interval
 from schuler.record import ImuRecord
 
 __all__ = ["Emd", "ceemdan", "decompose", "split_index"]
@@ -215,6 +215,16 @@ class Emd:
     frame: str = "inertial"
     first: bool = True
     clean: int = 0
+
+    def __post_init__(self) -> None:
+        _choice(self.ends, ENDS, "ends")
+        _choice(self.stop, STOPS, "stop")
+        check_channels(self.channels, self.frame)
+        if not (0.0 < self.threshold < float("inf") and self.siftings >= 1 and self.clean >= 0):
+            raise InputError(
+                "threshold and siftings must be positive and clean 0 or more, got "
+                f"{self.threshold}, {self.siftings} and {self.clean}"
+            )
 
     def __call__(self, record: ImuRecord) -> ImuRecord:
         """Return the record without its noisy modes.

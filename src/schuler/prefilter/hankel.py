@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.errors import InputError
-from schuler.prefilter.base import each_channel, even_interval
+from schuler.prefilter.base import check_channels, each_channel, even_interval
 from schuler.record import ImuRecord
 
 __all__ = ["Hankel", "truncate"]
@@ -90,6 +90,13 @@ class Hankel:
     window: float = 4.0
     channels: str = "accel"
     frame: str = "inertial"
+
+    def __post_init__(self) -> None:
+        check_channels(self.channels, self.frame)
+        if not (self.rank >= 1 and 0.0 < self.window < float("inf")):
+            raise InputError(
+                f"rank must be 1 or more and window positive, got {self.rank} and {self.window}"
+            )
 
     def __call__(self, record: ImuRecord) -> ImuRecord:
         """Return the filtered record.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.errors import InputError
-from schuler.prefilter.base import each_channel, even_interval
+from schuler.prefilter.base import check_channels, each_channel, even_interval
 from schuler.record import ImuRecord
 
 __all__ = ["LowPass", "LowPassStream"]
@@ -53,6 +53,7 @@ class LowPass:
     def __post_init__(self) -> None:
         if self.kind not in ("butterworth", "fir"):
             raise InputError(f"kind must be butterworth or fir, got '{self.kind}'")
+        check_channels(self.channels, self.frame)
         if not (self.cutoff > 0 and self.order >= 1 and self.settle > 0):
             raise InputError("cutoff, order and settle must be positive")
 

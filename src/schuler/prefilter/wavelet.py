@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.errors import InputError, SchulerError
-from schuler.prefilter.base import each_channel, even_interval
+from schuler.prefilter.base import check_channels, each_channel, even_interval
 from schuler.record import ImuRecord
 
 __all__ = ["Wavelet"]
@@ -35,6 +35,11 @@ class Wavelet:
     levels: int | None = None
     channels: str = "accel"
     frame: str = "inertial"
+
+    def __post_init__(self) -> None:
+        check_channels(self.channels, self.frame)
+        if self.levels is not None and self.levels < 1:
+            raise InputError(f"levels must be 1 or more, got {self.levels}")
 
     def __call__(self, record: ImuRecord) -> ImuRecord:
         """Return the filtered record.

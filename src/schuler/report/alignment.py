@@ -6,8 +6,10 @@ from dataclasses import replace
 from html import escape
 from pathlib import Path
 
-from schuler.align import Alignment, Windows, convergence, residual
+from schuler.align import Alignment, LatitudeFix, Windows, convergence, residual
 from schuler.constants import ARCMIN
+from schuler.errors import expect
+from schuler.navigate import Path as Trajectory
 from schuler.report import figures
 from schuler.report.page import Drawing, Section, definition_table, write_page
 
@@ -16,12 +18,13 @@ __all__ = ["report"]
 _RESIDUAL_BLOCKS = 1024
 
 
-def report(result: Alignment | Windows, path: str | Path) -> Path:
+def report(result: Alignment | Windows | LatitudeFix | Trajectory, path: str | Path) -> Path:
     """Write a self-contained interactive HTML report.
 
     Parameters
     ----------
-    result : Alignment or Windows
+    result : Alignment, Windows, LatitudeFix or Path
+        The last one is that of a navigation.
     path : str or Path
         The HTML file; it appears whole or not at all.
 
@@ -37,8 +40,19 @@ def report(result: Alignment | Windows, path: str | Path) -> Path:
     SchulerError
         If Plotly is not installed.
     """
+    if isinstance(result, Trajectory):
+        from schuler.report.navigation import navigation_report
+
+        navigation_report(result, None, path)
+        return Path(path)
+    if isinstance(result, LatitudeFix):
+        result = result.alignment
     windows = result if isinstance(result, Windows) else None
     fix = windows.whole if windows is not None else result
+    expect(
+        fix, Alignment, "result",
+        "a report is made of an Alignment, Windows, LatitudeFix or the Path of a navigation",
+    )  # fmt: skip
     assert isinstance(fix, Alignment)
     name = fix.inputs.get("record", "record")
     sections = [_convergence(fix)]

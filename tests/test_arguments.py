@@ -1,0 +1,112 @@
+"""What a caller of the Python API gets wrong is said in one sentence, at the call."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import schuler as sc
+from schuler.align import (
+    Aligner,
+    Fine,
+    Inertial,
+    align_windows,
+    align_without_latitude,
+)
+from schuler.campaign import Campaign
+from schuler.config import load_scenario
+from schuler.errors import InputError, expect
+from schuler.motion import Static
+from schuler.navigate import Start, evaluate
+from schuler.prefilter import Emd, Gate, Hankel, LowPass, Wavelet
+from schuler.sensors import GRADES
+from schuler.simulate import simulate
+
+SITE = sc.Site(34.2, 108.9, 400.0)
+MADE = simulate(
+    Static(30.0, 2.0, 1.0), SITE, 60.0, 20.0, GRADES["navigation-fog"], np.random.default_rng(1)
+)
+RECORD = MADE.record
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (lambda: sc.Site("34.2"), "latitude: expected a number, got str"),
+        (lambda: sc.align({"t": [0.0]}, SITE), "record: expected ImuRecord, got dict; read a"),
+        (lambda: sc.align(RECORD, 34.2), "site: expected Site, got float; say schuler.Site"),
+        (lambda: Aligner(SITE).update([1.0]), "record: expected ImuRecord, got list"),
+        (lambda: align_windows(RECORD, SITE, "60s"), "window: expected a number, got str"),
+        (lambda: sc.navigate(3.0, Start.from_angles(SITE, 0.0)), "record: expected ImuRecord"),
+        (lambda: sc.navigate(RECORD, 3.0), "start: expected Start or Site, got float"),
+        (lambda: evaluate(RECORD, MADE.truth), "path: expected Path, got ImuRecord"),
+        (lambda: sc.report(RECORD, "x.html"), "result: expected Alignment, got ImuRecord; a re"),
+        (lambda: Emd(threshold=-1), "threshold and siftings must be positive"),
+        (lambda: Emd(ends="nowhere"), "ends must be one of"),
+        (lambda: Hankel(rank=0), "rank must be 1 or more"),
+        (lambda: Hankel(channels="all"), "channels must be accel, gyro or both"),
+        (lambda: LowPass(frame="earth"), "frame must be inertial or body"),
+        (lambda: Wavelet(levels=0), "levels must be 1 or more"),
+        (lambda: Gate(gravity=-9.8), "positive gravity"),
+    ],
+)  # fmt: skip
+def test_a_wrong_argument_is_named(call, told):
+    with pytest.raises(InputError) as caught:
+        call()
+    assert str(caught.value).startswith(told) or told in str(caught.value)
+
+
+def test_numbers_of_numpy_are_numbers():
+    expect(np.float32(1.0), (float, np.floating), "x")
+    assert sc.Site(np.float64(34.2)).lat == 34.2
+
+
+def test_the_order_of_chunks_is_checked_with_a_prefilter_too():
+    half = len(RECORD) // 2
+    aligner = Aligner(SITE, Inertial(prefilter=LowPass(cutoff=1.0)))
+    aligner.update(RECORD.rows(half, len(RECORD)))
+    with pytest.raises(InputError, match="not after the last sample"):
+        aligner.update(RECORD.rows(0, half))
+
+
+def test_a_large_azimuth_gives_no_gyro_bias():
+    fix = sc.align(RECORD, SITE, "kalman-large", "navigation-fog")
+    assert fix.gyro_bias is None
+    assert fix.to_dict()["gyro_bias_deg_h"] is None
+
+
+def test_a_path_is_evaluated_against_the_truth_of_its_simulation():
+    fix = sc.align(RECORD, SITE, at="start")
+    path = sc.navigate(RECORD, SITE, fix)
+    found = evaluate(path, MADE.truth)
+    assert found.reference == "truth"
+    assert np.all(found.radial < 100.0)
+    assert np.all(np.abs(found.phi) < np.deg2rad(1.0))
+
+
+def test_every_result_that_says_so_makes_a_report(tmp_path: Path):
+    pytest.importorskip("plotly")
+    fix = sc.align(RECORD, SITE, at="start")
+    for name, result in (
+        ("fix", fix), ("path", sc.navigate(RECORD, SITE, fix)),
+        ("latitude", align_without_latitude(RECORD, "navigation-fog")),
+    ):  # fmt: skip
+        there = sc.report(result, tmp_path / f"{name}.html")
+        assert there.stat().st_size > 10_000
+
+
+def test_a_campaign_refuses_options_that_its_rows_cannot_hold():
+    scenario = load_scenario(Path(__file__).parents[1] / "examples/scenarios/static_base.toml")
+    with pytest.raises(InputError, match="options that a campaign's rows cannot hold"):
+        Campaign(scenario, 2, methods=(Fine(passes=3),))
+    assert Campaign(scenario, 2, methods=(Fine(),)).methods == ("kalman",)
+
+
+def test_a_dataset_takes_no_unit_that_it_would_pass_over():
+    pytest.importorskip("xarray")
+    from schuler.io import from_xarray
+
+    with pytest.raises(TypeError, match="gyro"):
+        from_xarray(RECORD.to_xarray(), gyro="deg/s")
