@@ -13,6 +13,7 @@ from schuler.align.compass import compass_alignment
 from schuler.align.estimate import QUIET, Estimate, estimate
 from schuler.align.fine import fine_alignment
 from schuler.align.history import History
+from schuler.align.joint import Linearisation
 from schuler.align.limit import limit, position_limit
 from schuler.align.methods import (
     Analytic,
@@ -236,10 +237,12 @@ class Aligner:
         )  # fmt: skip
         return History.from_state(state, nodes)
 
-    def _estimate(self, h: History, spec: ImuSpec | None) -> Estimate:
+    def _estimate(
+        self, h: History, spec: ImuSpec | None, about: Linearisation | None = None
+    ) -> Estimate:
         at_end = self.at == "end"
         if not isinstance(self.method, (Fine, Gyrocompass)):
-            return estimate(h, self.site, self.method, spec, at_end)
+            return estimate(h, self.site, self.method, spec, at_end, about)
         record = ImuRecord.concatenate(self._held)
         if isinstance(self.method, Gyrocompass):
             if not at_end:

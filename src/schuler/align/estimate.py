@@ -19,7 +19,7 @@ from schuler.align.disturbance import (
 from schuler.align.fine import FinePass
 from schuler.align.history import History, inertial_to_local
 from schuler.align.inertial import MINIMUM_ROWS, solve
-from schuler.align.joint import Joint, joint
+from schuler.align.joint import Joint, Linearisation, joint
 from schuler.align.limit import Position
 from schuler.align.methods import Analytic, Auto, Fine, Gyrocompass, Inertial
 from schuler.align.uncertainty import (
@@ -95,9 +95,13 @@ class Estimate:
 
 
 def estimate(
-    h: History, site: Site, method: Inertial | Analytic | Auto, spec: ImuSpec | None, at_end: bool
-) -> Estimate:
-    """Return the attitude of a history and its covariance by source."""
+    h: History, site: Site, method: Inertial | Analytic | Auto, spec: ImuSpec | None, at_end: bool,
+    about: Linearisation | None = None,
+) -> Estimate:  # fmt: skip
+    """Return the attitude of a history and its covariance by source.
+
+    `about` is as of `schuler.align.joint`.
+    """
     if len(h) < MINIMUM_ROWS:
         raise InputError(
             f"the span from t = {h.start:.9g} s has only {h.samples} sample(s) "
@@ -116,12 +120,12 @@ def estimate(
             if ratio is not None and ratio < QUIET:
                 spec = spec.with_white_noise(np.sqrt(max(ratio, _QUIETEST)))
     if isinstance(method, Auto):
-        best = joint(h, site, spec)
+        best = joint(h, site, spec, about=about)
         method, why = choose(best, spec, method.subsamples)
     if isinstance(method, Inertial):
         sway = np.zeros((3, 3))
         if method.estimator == "optimal":
-            best = best or joint(h, site, spec)
+            best = best or joint(h, site, spec, about=about)
             answer = best.end if at_end else best.start
             r, sway, levels = best.rotation, answer.sway, best.levels
             if at_end:
