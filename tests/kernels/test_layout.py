@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schuler.align import Aligner, Inertial
+from schuler.alignment import Aligner, Inertial
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.kernels.layout import LayoutError, check_aligner, check_intake
