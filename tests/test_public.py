@@ -22,7 +22,7 @@ def test_importing_schuler_costs_nothing(run_python):
 
 
 @pytest.mark.parametrize(
-    "module", ["earth", "attitude", "record", "sensors", "estimate.vectors", "calibrate"]
+    "module", ["earth", "attitude", "record", "sensors", "estimate.vectors", "calibration"]
 )
 def test_modules_import_their_compiled_and_heavy_parts_late(run_python, module):
     code = (
