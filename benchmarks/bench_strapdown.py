@@ -65,7 +65,7 @@ def kernel_job(made: Any, begin: Start, every: int) -> Callable[[], object]:
     options = Navigator(begin, gravity="somigliana1")._options
     out = np.empty((len(r) // every + 2, strapdown.ROW))
     none, zero = np.empty((0, 15)), np.zeros(5)
-    start = begin.state()
+    start = begin.state().data
 
     def job() -> None:
         strapdown.navigate(

@@ -16,6 +16,7 @@ from schuler.attitude import heading_sigma, psi_to_heading, quat_to_euler
 from schuler.constants import ARCMIN, DEG
 from schuler.earth import radii
 from schuler.errors import InputError
+from schuler.kernels.states import ErrorStates, LocalRow, PathRow
 
 __all__ = ["Path"]
 
@@ -29,9 +30,9 @@ class Path(Shown):
     Parameters
     ----------
     rows : (n, 13) float64
-        As the kernel leaves them: time, q_b^n, velocity, q_n^e and height in the wander frame.
+        `PathRow` by `PathRow`, in the wander frame.
     variances : (n, 15) float64 or None
-        Of the error states in the wander frame (`schuler.kernels.covariance`).
+        `ErrorStates` by `ErrorStates`.
     covariance : (15, 15) float64 or None
         At the end.
     name : str
@@ -47,22 +48,22 @@ class Path(Shown):
         return len(self.rows)
 
     @cached_property
-    def _local(self) -> Array:
+    def _local(self) -> LocalRow:
         from schuler.kernels.strapdown import local
 
-        out = np.empty((len(self.rows), 12))
-        local(np.ascontiguousarray(self.rows), out)
+        out = LocalRow.zeros(len(self.rows))
+        local(np.ascontiguousarray(self.rows), out.data)
         return out
 
     @property
     def time(self) -> Array:
         """Times, s, (n,)."""
-        return np.asarray(self.rows[:, 0])
+        return PathRow(self.rows).time
 
     @property
     def quaternion(self) -> Array:
         """q_b^n with n = East-North-Up, (n, 4)."""
-        return self._local[:, 1:5]
+        return self._local.quat_nb
 
     @property
     def euler(self) -> Array:
@@ -72,17 +73,17 @@ class Path(Shown):
     @property
     def velocity(self) -> Array:
         """East, north, up, m/s, (n, 3)."""
-        return self._local[:, 5:8]
+        return self._local.v_n
 
     @property
     def position(self) -> Array:
         """Latitude, longitude (rad, in (-pi, pi]) and height (m), (n, 3)."""
-        return self._local[:, 8:11]
+        return np.column_stack([self._local.lat, self._local.lon, self._local.height])
 
     @property
     def wander(self) -> Array:
         """Angle from east to the wander frame's first axis, counter-clockwise, rad, (n,)."""
-        return self._local[:, 11]
+        return self._local.wander
 
     @property
     def final_covariance(self) -> Array | None:
@@ -90,17 +91,20 @@ class Path(Shown):
         if self.covariance is None:
             return None
         c, s = np.cos(self.wander[-1]), np.sin(self.wander[-1])
-        turn = np.eye(15)
-        for k in (0, 3, 6):
+        turn = np.eye(ErrorStates.size)
+        phi, velocity, position = (
+            f.start for f in (ErrorStates.phi, ErrorStates.velocity, ErrorStates.position)
+        )
+        for k in (phi, velocity, position):
             turn[k : k + 2, k : k + 2] = [[c, -s], [s, c]]
         # North turns with the place: an error of position to the east is one of heading.
         lat, _, height = self.position[-1]
         slip = np.tan(lat) / (float(radii(lat)[1]) + height)
-        bend = np.eye(15)
-        bend[2, 6] += slip
-        bend[3, 6] += slip * self.velocity[-1, 1]
-        bend[4, 6] -= slip * self.velocity[-1, 0]
-        turn = bend @ turn
+        slipped = np.eye(ErrorStates.size)
+        slipped[phi + 2, position] += slip
+        slipped[velocity, position] += slip * self.velocity[-1, 1]
+        slipped[velocity + 1, position] -= slip * self.velocity[-1, 0]
+        turn = slipped @ turn
         return np.asarray(turn @ self.covariance @ turn.T)
 
     @property
@@ -125,11 +129,11 @@ class Path(Shown):
         p = self.final_covariance
         if p is None:
             return None
-        s = np.sqrt(np.diag(p))
+        s = ErrorStates(np.sqrt(np.diag(p)))
         return {
-            "position_enu_m": [float(v) for v in s[6:9]],
-            "velocity_enu": [float(v) for v in s[3:6]],
-            "phi_enu_arcmin": [float(v) / ARCMIN for v in s[:3]],
+            "position_enu_m": [float(v) for v in s.position],
+            "velocity_enu": [float(v) for v in s.velocity],
+            "phi_enu_arcmin": [float(v) / ARCMIN for v in s.phi],
             "heading_arcmin": heading_sigma(self.quaternion[-1], p[:3, :3]) / ARCMIN,
         }
 
@@ -161,11 +165,12 @@ class Path(Shown):
         }  # fmt: skip
         if self.variances is not None:
             # Level variances swap between the axes as the frame wanders: their sum does not.
-            level = self.variances[:, 6] + self.variances[:, 7]
+            of = ErrorStates(self.variances)
+            level = of.position[:, 0] + of.position[:, 1]
             columns["sigma_horizontal [m]"] = np.sqrt(level)
-            tilt = 0.5 * (self.variances[:, 0] + self.variances[:, 1])
+            tilt = 0.5 * (of.phi[:, 0] + of.phi[:, 1])
             steep = np.tan(np.clip(theta, -1.5706, 1.5706)) ** 2
-            heading = np.sqrt(self.variances[:, 2] + steep * tilt)
+            heading = np.sqrt(of.phi[:, 2] + steep * tilt)
             columns["sigma_heading [arcmin]"] = np.minimum(heading, np.pi / 3**0.5) / ARCMIN
         table = pa.table({k: pa.array(np.ascontiguousarray(v)) for k, v in columns.items()})
         with replacing(path) as part:

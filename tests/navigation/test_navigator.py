@@ -259,7 +259,7 @@ def test_covariance_is_honest(vertical):
 
     runs = 150
     drawn = sigma * rng.standard_normal((runs, 9))
-    states = np.tile(start.state(), (runs, 1))
+    states = np.tile(start.state().data, (runs, 1))
     rm, rn = (float(r) + 50.0 for r in radii(site.latitude))
     for state, x in zip(states, drawn, strict=True):
         # C_est = (I - [phi x]) C_true, in the frame of the place that is believed in.
@@ -272,7 +272,7 @@ def test_covariance_is_honest(vertical):
         from schuler.attitude import multiply
 
         state[:] = Start(moved, multiply(q / np.linalg.norm(q), start.quaternion),
-                         start.velocity + x[3:6]).state()  # fmt: skip
+                         start.velocity + x[3:6]).state().data  # fmt: skip
         if vertical == "off":
             state[6] = start.velocity[2]
     g, a = spec.gyro, spec.accelerometer

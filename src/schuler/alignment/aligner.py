@@ -29,6 +29,7 @@ from schuler.attitude import nearest_quat
 from schuler.constants import ARCMIN
 from schuler.earth import Site
 from schuler.errors import InputError, expect
+from schuler.kernels.states import TrackerState
 from schuler.record import ImuRecord, Reading, Summariser, without_spikes
 from schuler.record.spikes import spikes_warning
 from schuler.sensors import ImuSpec, SensorArray, load_array, load_spec
@@ -104,9 +105,7 @@ class Aligner:
         self.array = None if array is None else load_array(array)
         self.reading = reading
         self._tracking = tracking
-        self._state = np.zeros(tracking.STATE_SIZE)
-        self._state[2] = 1.0
-        self._state[74] = 1.0
+        self._state = TrackerState.begin()
         self._nodes = np.zeros((tracking.NODE_CAPACITY, tracking.ROW))
         self._subsamples = 0
         self._flags = (1.0, 1.0)
@@ -121,7 +120,7 @@ class Aligner:
         """Samples taken so far."""
         if self.method.prefilter is not None:
             return sum(len(chunk) for chunk in self._held)
-        return int(self._state[41])
+        return int(self._state.samples)
 
     def update(self, chunk: ImuRecord) -> Aligner:
         """Take a chunk that follows the last one; return self.
@@ -156,7 +155,7 @@ class Aligner:
         if not self._subsamples:
             self._open(chunk)
         self._tracking.track(
-            self._state, self._nodes, self._subsamples, *self._flags,
+            self._state.data, self._nodes, self._subsamples, *self._flags,
             chunk.time, chunk.dt, chunk.dtheta, chunk.dvel,
         )  # fmt: skip
         self._summariser.push(chunk)
@@ -184,8 +183,8 @@ class Aligner:
     def arrays(self) -> dict[str, Array]:
         """Return all that a later aligner needs to go on in this one's place."""
         return {
-            "tracker": self._state.copy(),
-            "tracker_nodes": self._nodes[: int(self._state[73])].copy(),
+            "tracker": self._state.data.copy(),
+            "tracker_nodes": self._nodes[: int(self._state.nodes)].copy(),
             "tracker_tail": np.stack(self._tail),
             "tracker_setting": np.array([self._subsamples, *self._flags]),
             **self._summariser.arrays(),
@@ -206,7 +205,7 @@ class Aligner:
         except LayoutError as error:
             raise InputError(f"the saved state of an aligner is damaged: {error}") from None
         nodes = arrays["tracker_nodes"]
-        self._state[:] = arrays["tracker"]
+        self._state = TrackerState(arrays["tracker"].copy())
         self._nodes[: len(nodes)] = nodes
         self._tail = (arrays["tracker_tail"][0], arrays["tracker_tail"][1])
         setting = arrays["tracker_setting"]
@@ -216,25 +215,27 @@ class Aligner:
 
     def history(self) -> History:
         """Return the pass so far, with the samples that wait for a full update worked in."""
-        from schuler.kernels.tracking import PLAIN
-
-        waiting = int(self._state[48])
+        waiting = int(self._state.waiting)
         if not waiting:
-            return History.from_state(self._state, self._nodes)
-        state, nodes = self._state.copy(), self._nodes.copy()
-        rows = state[49 : 49 + 6 * waiting].reshape(waiting, 6).copy()
+            return History.from_state(self._state.data, self._nodes)
+        state, nodes = TrackerState(self._state.data.copy()), self._nodes.copy()
+        rows = state.waiting_samples[:waiting].copy()
         time, dt = (tail[-waiting:] for tail in self._tail)
         # The plain sums had these samples already, and will have them again.
         rate = np.linalg.norm(rows.reshape(-1, 2, 3), axis=2) / dt[:, None]
-        state[30:36] -= rows.sum(axis=0)
-        state[36:PLAIN] -= np.stack([rate, rate**2], axis=-1).sum(axis=0).ravel()
-        state[41] -= waiting
-        state[48] = 0.0
+        state.sum_dtheta -= rows[:, :3].sum(axis=0)
+        state.sum_dvel -= rows[:, 3:].sum(axis=0)
+        state.sum_rate -= rate[:, 0].sum()
+        state.sum_rate2 -= (rate[:, 0] ** 2).sum()
+        state.sum_force -= rate[:, 1].sum()
+        state.sum_force2 -= (rate[:, 1] ** 2).sum()
+        state.samples -= waiting
+        state.waiting = 0.0
         self._tracking.track(
-            state, nodes, 1, *self._flags, time, dt,
+            state.data, nodes, 1, *self._flags, time, dt,
             np.ascontiguousarray(rows[:, :3]), np.ascontiguousarray(rows[:, 3:]),
         )  # fmt: skip
-        return History.from_state(state, nodes)
+        return History.from_state(state.data, nodes)
 
     def _estimate(self, h: History, spec: ImuSpec | None) -> Estimate:
         at_end = self.at == "end"

@@ -154,15 +154,15 @@ def _bias_text(bias: float, spec: ImuSpec) -> str:
 
 def _turns_only_by_gyros(summary: Summary) -> bool:
     """Say whether the gyros claim a turn across gravity that the force does not show."""
-    table = summary.blocks
-    third = len(table) // 3
+    table = summary.stretch_sums
+    third = len(table.data) // 3
     if third < 2:
         return False
-    first, last = (part[:, 6:9].sum(axis=0) for part in (table[:third], table[-third:]))
+    first, last = (part.sum(axis=0) for part in (table.sum_dvel[:third], table.sum_dvel[-third:]))
     a, b = first / np.linalg.norm(first), last / np.linalg.norm(last)
     seen = float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
     # From the middle of the first third to the middle of the last.
-    turn = table[:, 3:6].sum(axis=0) * (2.0 / 3.0)
+    turn = table.sum_dtheta.sum(axis=0) * (2.0 / 3.0)
     across = float(np.linalg.norm(turn - (turn @ a) * a))
     earth = EARTH_RATE * summary.duration
     return across > _PROVEN + earth and seen < 0.2 * across
@@ -180,7 +180,7 @@ def _level_only(h: History, summary: Summary, site: Site, spec: ImuSpec | None) 
     attitude, _ = analytic_attitude(level_rate + EARTH_RATE * up, force, site, "gravity")
     gravity = site.gravity
     edges = np.linspace(0.0, h.duration, 9)
-    ends = np.column_stack([np.interp(edges, h.t, x) for x in h.rows[:, 33:36].T])
+    ends = np.column_stack([np.interp(edges, h.t, x) for x in h.nodes.sum_dvel.T])
     scatter = np.cov((np.diff(ends, axis=0) * (8.0 / h.duration)).T) / 8.0
     tilt = attitude @ scatter @ attitude.T / gravity**2
     budget = {"disturbance": np.diag([tilt[1, 1], tilt[0, 0], 0.0])}

@@ -156,8 +156,8 @@ def axes_test(h: History) -> AxesTest | None:
 def _small(h: History, bands: _Bands) -> tuple[Spectrum, Spectrum]:
     """Return the level force held by each naming, and what its lever arm adds, for small angles."""
     namings, _ = _namings()
-    angle = np.diff(h.rows[:, 30:33], axis=0)
-    f_b = np.diff(h.rows[:, 33:36], axis=0) / np.diff(h.t)[:, None]
+    angle = np.diff(h.nodes.sum_dtheta, axis=0)
+    f_b = np.diff(h.nodes.sum_dvel, axis=0) / np.diff(h.t)[:, None]
     mean = f_b.mean(axis=0)
     level = _level_axes(mean)
     theta = np.cumsum(angle, axis=0) - 0.5 * angle
@@ -174,7 +174,7 @@ def _rotated(h: History, bands: _Bands) -> tuple[Spectrum, Spectrum]:
     namings, _ = _namings()
     back = h.quat[:-1] * [1.0, -1.0, -1.0, -1.0]
     phi = quat_to_rotvec(multiply(back, h.quat[1:]))
-    f_b = np.diff(h.rows[:, 33:36], axis=0) / np.diff(h.t)[:, None]
+    f_b = np.diff(h.nodes.sum_dvel, axis=0) / np.diff(h.t)[:, None]
     out = np.empty((len(namings), len(phi), 6))
     held_forces(phi, f_b, f_b.mean(axis=0), namings, out)
     level = np.stack([_level_axes(x) for x in out[:, :, :3].mean(axis=1)])

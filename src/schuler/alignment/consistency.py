@@ -354,7 +354,7 @@ def gravity_test(summary: Summary, site: Site, spec: ImuSpec | None) -> Contradi
     sigma = np.hypot(bias_sigma(spec.accelerometer, gravity), GRAVITY_SIGMA)
     sigma = np.hypot(sigma, 3.086e-6 * _HEIGHT_SIGMA)
     # A vehicle that works has a mean force of its own over a short record.
-    size = summary.blocks[:, 11] / summary.blocks[:, 2]
+    size = summary.stretch_sums.sum_force / summary.stretch_sums.samples
     sigma = np.hypot(sigma, np.std(size) / np.sqrt(max(len(size) / 4.0, 1.0)))
     if abs(off) <= max(6.0 * sigma, 500.0 * MICRO_G):
         return None

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from schuler.alignment.history import History
 from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
+from schuler.kernels.states import TrackerNode
 
 __all__ = ["without_gyro_bias"]
 
@@ -33,7 +34,7 @@ def without_gyro_bias(h: History, bias: Array) -> History:
     bias : (3,) float64
         rad/s, body axes.
     """
-    rows = h.rows.copy()
+    nodes, out = h.nodes, TrackerNode(h.rows.copy())
     dt = np.diff(h.t)
     steps = multiply(h.quat[:-1] * _BACK, h.quat[1:])
     turns = quat_to_rotvec(steps * np.where(steps[:, :1] < 0, -1.0, 1.0)) - dt[:, None] * bias
@@ -56,19 +57,21 @@ def without_gyro_bias(h: History, bias: Array) -> History:
     new_velocity = np.zeros_like(velocity)
     new_velocity[1:] = np.cumsum(np.einsum("iab,ib->ia", turned, np.diff(velocity, axis=0)), axis=0)
     count = np.diff(h.updates)[:, None]
-    sums = np.diff(rows[:, 9:12], axis=0) - count * velocity[:-1]
+    sums = np.diff(nodes.sum_v, axis=0) - count * velocity[:-1]
     sums = np.einsum("iab,ib->ia", turned, sums) + count * new_velocity[:-1]
-    basis = np.diff(rows[:, 12:15], axis=0)
-    mixed = np.diff(rows[:, 15:24], axis=0).reshape(-1, 3, 3)
+    basis = np.diff(nodes.sum_gravity, axis=0)
+    mixed = np.diff(nodes.sum_gravity_v, axis=0)
     mixed = mixed - basis[:, :, None] * velocity[:-1, None, :]
     mixed = mixed @ turned.transpose(0, 2, 1) + basis[:, :, None] * new_velocity[:-1, None, :]
     # The attitudes that are summed are those at the ends of the updates.
-    attitude = multiply(between(0.5 * (count + 1.0) / count), np.diff(rows[:, 40:44], axis=0))
+    attitude = multiply(between(0.5 * (count + 1.0) / count), np.diff(nodes.sum_quat, axis=0))
 
-    rows[:, 2:6] = quat
-    rows[:, 6:9] = new_velocity
-    rows[1:, 9:12] = rows[0, 9:12] + np.cumsum(sums, axis=0)
-    rows[1:, 15:24] = rows[0, 15:24] + np.cumsum(mixed.reshape(-1, 9), axis=0)
-    rows[:, 30:33] -= h.t[:, None] * bias
-    rows[1:, 40:44] = rows[0, 40:44] + np.cumsum(attitude, axis=0)
-    return replace(h, rows=rows)
+    out.quat_ib0_b = quat
+    out.v_ib0 = new_velocity
+    out.sum_v[1:] = out.sum_v[0] + np.cumsum(sums, axis=0)
+    out.sum_gravity_v = nodes.sum_gravity_v[0] + np.concatenate(
+        [np.zeros((1, 3, 3)), np.cumsum(mixed, axis=0)]
+    )
+    out.sum_dtheta -= h.t[:, None] * bias
+    out.sum_quat[1:] = out.sum_quat[0] + np.cumsum(attitude, axis=0)
+    return replace(h, rows=out.data)

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.constants import EARTH_RATE
+from schuler.kernels.fields import Field
+from schuler.kernels.states import TrackerNode, TrackerState
 
 __all__ = ["History", "Rows", "gravity_direction", "inertial_to_local"]
 
@@ -41,7 +43,7 @@ class History:
     Parameters
     ----------
     rows : (k, 44) float64
-        In the layout of `schuler.kernels.tracking`.
+        `TrackerNode` by `TrackerNode`.
     start : float
         Time of the start, s.
     samples : int
@@ -55,40 +57,44 @@ class History:
     @classmethod
     def from_state(cls, state: Array, nodes: Array) -> History:
         """Copy the nodes of a tracking kernel and add the last instant when it is not one."""
-        from schuler.kernels.tracking import PLAIN
-
-        rows = nodes[: int(state[73])]
-        if state[1] > rows[-1, 1]:
-            rows = np.vstack([rows, np.concatenate([state[:PLAIN], state[76:80]])])
-        return cls(rows.copy(), float(state[40]), int(state[41]))
+        last = TrackerState(state)
+        rows = nodes[: int(last.nodes)]
+        if last.updates > TrackerNode(rows).updates[-1]:
+            rows = np.vstack([rows, last.node().data])
+        return cls(rows.copy(), float(last.start), int(last.samples))
 
     def __len__(self) -> int:
         return len(self.rows)
 
     @property
+    def nodes(self) -> TrackerNode:
+        """The rows by the names of their numbers."""
+        return TrackerNode(self.rows)
+
+    @property
     def t(self) -> Array:
         """Instants, s since the start, (k,)."""
-        return self.rows[:, 0]
+        return self.nodes.time
 
     @property
     def updates(self) -> Array:
         """Updates so far at each instant, (k,)."""
-        return self.rows[:, 1]
+        return self.nodes.updates
 
     @property
     def duration(self) -> float:
         """Length, s."""
-        return float(self.rows[-1, 0])
+        return float(self.nodes.time[-1])
 
     @property
     def quat(self) -> Array:
         """q_b^ib0 at each instant, (k, 4)."""
-        return self.rows[:, 2:6]
+        return self.nodes.quat_ib0_b
 
     @property
     def velocity(self) -> Array:
         """Integral of the force in ib0 at each instant, m/s, (k, 3)."""
-        return self.rows[:, 6:9]
+        return self.nodes.v_ib0
 
     def theory(self, gravity: float, lat: float) -> Array:
         """Return G, the theoretical integral in i0 at each instant, m/s, (k, 3)."""
@@ -98,24 +104,25 @@ class History:
 
     def sums(self) -> tuple[float, Array, Array, Array]:
         """Return updates, sum of v (3,), sum of b (3,) and sum of b v^T (3, 3) at the end."""
-        r = self.rows[-1]
-        return float(r[1]), r[9:12], r[12:15], r[15:24].reshape(3, 3)
+        r = TrackerNode(self.rows[-1])
+        return float(r.updates), r.sum_v, r.sum_gravity, r.sum_gravity_v
 
     def second_moments(self, centred: bool) -> Array:
         """Return the sum of b b^T (3, 3) at the end, about the mean of b or about zero."""
-        r = self.rows[-1]
-        xx, xy, xz, yy, yz, zz = r[24:30]
-        out = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        return out - np.outer(r[12:15], r[12:15]) / r[1] if centred else out
+        r = TrackerNode(self.rows[-1])
+        xy, xz, yz = r.sum_xy, r.sum_xz, r.sum_yz
+        out = np.array([[r.sum_xx, xy, xz], [xy, r.sum_yy, yz], [xz, yz, r.sum_zz]])
+        return out - np.outer(r.sum_gravity, r.sum_gravity) / r.updates if centred else out
 
     def increments(self) -> tuple[Array, Array]:
         """Return the sums of angle (3,) and velocity increments (3,) in body axes at the end."""
-        return self.rows[-1, 30:33], self.rows[-1, 33:36]
+        last = TrackerNode(self.rows[-1])
+        return last.sum_dtheta, last.sum_dvel
 
-    def block_means(self, columns: slice) -> Array:
-        """Return the means over updates of a cumulative quantity between instants, (k-1, m)."""
+    def block_means(self, field: Field) -> Array:
+        """Return the means over updates of a sum of `TrackerNode` between instants, (k-1, m)."""
         n = np.diff(self.updates)
-        return np.asarray(np.diff(self.rows[:, columns], axis=0) / n[:, None])
+        return np.asarray(np.diff(self.rows[:, field.slice], axis=0) / n[:, None])
 
     def thin(self, blocks: int, keep: Iterable[int] = ()) -> tuple[History, Rows]:
         """Return at most `blocks` stretches between instants, as even as can be.
@@ -143,5 +150,5 @@ class History:
         return replace(
             self,
             rows=self.rows[: row + 1],
-            samples=round(self.samples * self.rows[row, 1] / self.rows[-1, 1]),
+            samples=round(self.samples * self.updates[row] / self.updates[-1]),
         )

@@ -8,34 +8,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.io.packets import LARGEST_FORCE, LARGEST_RATE, LARGEST_TIME
-from schuler.kernels.intake import LARGEST
+from schuler.kernels.fields import COUNT, Field, View
 from schuler.kernels.layout import (
-    COUNT,
-    ArrayLayout,
-    Entries,
     LayoutError,
     check_aligner,
     check_arrays,
     check_intake,
+    view_layout,
 )
+from schuler.kernels.states import LARGEST, IntakeRow, IntakeState, TrackerState
 
-__all__ = ["LayoutError", "check_state"]
+__all__ = ["HeldSample", "LayoutError", "check_state"]
 
 Array = NDArray[np.float64]
 
-_SAMPLE = (
-    Entries(0, 0, 0.0, COUNT, True),
-    Entries(1, 1, -LARGEST_TIME, LARGEST_TIME),
-    Entries(2, 7, -LARGEST, LARGEST),
-)
-_LAYOUT = {
-    "held": ArrayLayout(((0, 4096), (8, 8)), _SAMPLE),
-    "before": ArrayLayout(((0, 3), (8, 8)), _SAMPLE),
-    "order": ArrayLayout(
-        ((5, 5),), (Entries(0, 0, -1.0, COUNT, True), Entries(1, 4, 0.0, COUNT, True))
-    ),
-}
 
+class HeldSample(View):
+    """A sample that is not aligned yet."""
+
+    number = Field(low=0.0, high=COUNT, whole=True)
+    time = Field(low=-LARGEST_TIME, high=LARGEST_TIME)
+    values = Field(6, low=-LARGEST, high=LARGEST)
+
+
+class Order(View):
+    """Where the packets are."""
+
+    expected = Field(low=-1.0, high=COUNT, whole=True)
+    counts = Field(4, low=0.0, high=COUNT, whole=True)
+
+
+_LAYOUT = {
+    "held": view_layout(HeldSample, (0, 4096)),
+    "before": view_layout(HeldSample, (0, 3)),
+    "order": view_layout(Order),
+}
 
 _OVERSHOOT = 4.0
 """Interpolation may go so many times beyond its neighbours."""
@@ -60,24 +67,28 @@ def check_state(arrays: Mapping[str, Array], depth: int, kind: str) -> None:
     check_intake(arrays)
     check_aligner(arrays)
     check_arrays(arrays, _LAYOUT)
-    held, before, expected = arrays["held"], arrays["before"], arrays["order"][0]
-    samples, last = arrays["tracker"][41], float(arrays["intake"][3])
-    numbers = held[:, 0]
-    if len(held) > depth or len(np.unique(numbers)) < len(held):
+    held, before = HeldSample(arrays["held"]), HeldSample(arrays["before"])
+    expected = Order(arrays["order"]).expected
+    samples = TrackerState(arrays["tracker"]).samples
+    intake = IntakeState(arrays["intake"])
+    many, some = len(held.data), len(before.data)
+    if many > depth or len(np.unique(held.number)) < many:
         raise LayoutError("array 'held' has more samples than are held, or one twice")
-    if len(held) and numbers.min() < expected:
+    if many and held.number.min() < expected:
         raise LayoutError("array 'held' has samples that came long ago")
-    if np.any(np.diff(before[:, :2], axis=0) <= 0) or (
-        len(before) and before[-1, 0] + 1 > expected
-    ):
+    if (
+        np.any(np.diff(before.number) <= 0) or np.any(np.diff(before.time) <= 0)
+        or (some and before.number[-1] + 1 > expected)
+    ):  # fmt: skip
         raise LayoutError("array 'before' is out of order")
     # The intake holds rows back until those after them show that they are good.
-    done = float(arrays["intake"][79])
-    if arrays["intake_nominal"][0] and not (
-        samples and len(before) and last == before[-1, 1] and done == arrays["tracker_tail"][0, -1]
-    ):
+    nominal = arrays["intake_nominal"][0]
+    if nominal and not (
+        samples and some and intake.last_time == before.time[-1]
+        and intake.done_time == arrays["tracker_tail"][0, -1]
+    ):  # fmt: skip
         raise LayoutError("the arrays end at different times")
-    if not arrays["intake_nominal"][0] and samples:
+    if not nominal and samples:
         raise LayoutError("array 'tracker' has samples that the intake did not give")
     _check_samples(arrays, kind)
 
@@ -86,15 +97,16 @@ def _check_samples(arrays: Mapping[str, Array], kind: str) -> None:
     """Check that samples that are not aligned yet are those of a stationary vehicle."""
     most = _OVERSHOOT
     if kind == "increments":
-        times = np.concatenate([arrays["intake_times"], np.sort(arrays["held"][:, 1])])
+        times = np.concatenate([arrays["intake_times"], np.sort(HeldSample(arrays["held"]).time)])
         nominal = float(arrays["intake_nominal"][0])
         if not nominal and len(times) < 2:
             return
         most *= nominal or float(np.median(np.abs(np.diff(times))))
-    last = arrays["intake"][5:17].reshape(2, 6)
+    intake = IntakeState(arrays["intake"])
     rows = np.vstack([
-        arrays["held"][:, 2:], arrays["before"][:, 2:], arrays["intake_rows"], last,
-        arrays["intake_pending"][:, 2:8], arrays["intake_history"],
+        HeldSample(arrays["held"]).values, HeldSample(arrays["before"]).values,
+        arrays["intake_rows"], intake.last_integrated, intake.before_integrated,
+        IntakeRow(arrays["intake_pending"]).values, arrays["intake_history"],
     ])  # fmt: skip
     if np.any(np.abs(rows[:, :3]) > most * LARGEST_RATE) or np.any(
         np.abs(rows[:, 3:]) > most * LARGEST_FORCE

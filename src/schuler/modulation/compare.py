@@ -307,6 +307,7 @@ def strapdown_end(
 
     from schuler.earth import radii
     from schuler.kernels import strapdown
+    from schuler.kernels.states import StrapdownOptions
     from schuler.motion import Static
     from schuler.navigation.navigator import Start
     from schuler.simulation import simulate
@@ -316,9 +317,10 @@ def strapdown_end(
         raise InputError("random walks need a random generator: give rng")
     made = simulate(scheme.on(Static(case.heading)), case.site, case.duration, rate)
     r = made.record
-    state = Start(case.site, made.truth.quaternion[0]).state()
-    options = np.array([strapdown.SOMIGLIANA, 0.0, strapdown.OFF, 0, 0, 0, case.site.height],
-                       np.float64)  # fmt: skip
+    state = Start(case.site, made.truth.quaternion[0]).state().data
+    told = StrapdownOptions.zeros()
+    told.gravity_model, told.vertical_mode = strapdown.SOMIGLIANA, strapdown.OFF
+    told.held_height = case.site.height
     workers = min(os.cpu_count() or 1, runs)
     shares = np.array_split(np.arange(runs), workers)
     generators = (rng or np.random.default_rng(0)).spawn(workers)
@@ -328,7 +330,7 @@ def strapdown_end(
     def work(share: Any, generator: np.random.Generator) -> None:
         starts, errors = np.tile(state, (len(share), 1)), np.tile(row, (len(share), 1))
         found = np.empty((len(share), strapdown.ROW))
-        strapdown.many(starts, options, 1.0 / rate, r.dtheta, r.dvel, errors, generator, found)
+        strapdown.many(starts, told.data, 1.0 / rate, r.dtheta, r.dvel, errors, generator, found)
         ends[share] = found
 
     with ThreadPoolExecutor(workers) as pool:

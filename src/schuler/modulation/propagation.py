@@ -19,6 +19,7 @@ from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec
 from schuler.constants import DEG, EARTH_RATE
 from schuler.earth import gravity
 from schuler.errors import InputError
+from schuler.kernels.states import InstrumentErrors
 from schuler.motion.rotation import Scheme
 from schuler.navigation.error_model import error_matrix
 
@@ -63,11 +64,15 @@ class TriadErrors:
             object.__setattr__(self, name, value)
 
     def row(self, walks: tuple[float, float] = (0.0, 0.0)) -> Array:
-        """Return the 26 numbers that the kernel `many` takes, with the random walks."""
-        parts = [np.ravel(x) for x in (
-            self.gyro_bias, self.gyro_matrix, self.accel_bias, self.accel_matrix, walks
-        )]  # fmt: skip
-        return np.concatenate(parts)
+        """Return `InstrumentErrors` as the kernel `many` takes them, with the random walks."""
+        out = InstrumentErrors.zeros()
+        out.gyro_bias, out.gyro_matrix = np.asarray(self.gyro_bias), np.asarray(self.gyro_matrix)
+        out.accel_bias, out.accel_matrix = (
+            np.asarray(self.accel_bias),
+            np.asarray(self.accel_matrix),
+        )
+        out.angle_walk, out.velocity_walk = walks
+        return out.data
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,13 @@ from schuler.attitude import euler_to_quat, heading_to_psi, nearest_quat
 from schuler.constants import DEG
 from schuler.earth import Site
 from schuler.errors import InputError, expect
+from schuler.kernels.states import (
+    ErrorNoise,
+    ErrorStates,
+    PathRow,
+    StrapdownOptions,
+    StrapdownState,
+)
 from schuler.navigation.options import Gravity, Vertical, parse_gravity, parse_vertical
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec, SensorArray, load_array, load_spec
@@ -81,7 +88,7 @@ class Start:
         cov[:3, :3] = fix.covariance
         return cls(site, fix.quaternion, velocity, cov)
 
-    def state(self) -> Array:
+    def state(self) -> StrapdownState:
         """Return the kernel's state at the start.
 
         Raises
@@ -89,18 +96,16 @@ class Start:
         InputError
             For a quaternion or velocity of another shape, or not finite.
         """
-        from schuler.kernels.strapdown import STATE_SIZE
-
         q, v = np.asarray(self.quaternion, np.float64), np.asarray(self.velocity, np.float64)
         if q.shape != (4,) or not abs(np.linalg.norm(q) - 1.0) < 1e-6:
             raise InputError("a start needs a unit quaternion of four numbers")
         if v.shape != (3,) or not np.all(np.isfinite(v)):
             raise InputError("a start needs three finite velocities: east, north, up")
-        state = np.zeros(STATE_SIZE)
-        state[:4] = q / np.linalg.norm(q)
-        state[4:7] = v
-        state[7:11] = frame_of(self.site.latitude, self.site.longitude)
-        state[11] = self.site.height
+        state = StrapdownState.zeros()
+        state.quat_nb = q / np.linalg.norm(q)
+        state.v_n = v
+        state.quat_en = frame_of(self.site.latitude, self.site.longitude)
+        state.height = self.site.height
         return state
 
 
@@ -161,7 +166,7 @@ class Navigator:
         self._kernel = strapdown
         self._state = start.state()
         if self.vertical.mode == "off":
-            self._state[6] = 0.0
+            self._state.v_n[2] = 0.0
         self._options = self._numbers()
         self._every = every
         self._wanted = subsamples
@@ -171,7 +176,7 @@ class Navigator:
         self._variances: list[Array] = []
         self._name = "record"
         self._last = -np.inf
-        self._work, self._noise = np.empty((0, 15)), np.zeros(5)
+        self._work, self._noise = np.empty((0, ErrorStates.size)), np.zeros(0)
         if self.spec is not None:
             self._work, self._noise = self._uncertainty(self.spec, covariance_step)
 
@@ -180,29 +185,36 @@ class Navigator:
 
         site, g = self.start.site, self.gravity
         held = self.vertical.height
-        return np.array([
-            GRAVITY_MODELS.index(g.model), site.gravity if g.value is None else g.value,
-            VERTICAL_MODES.index(self.vertical.mode), *self.vertical.gains,
-            site.height if held is None else held,
-        ], np.float64)  # fmt: skip
+        told = StrapdownOptions.zeros()
+        told.gravity_model = GRAVITY_MODELS.index(g.model)
+        told.gravity_value = site.gravity if g.value is None else g.value
+        told.vertical_mode = VERTICAL_MODES.index(self.vertical.mode)
+        told.damping_gains = np.array(self.vertical.gains)
+        told.held_height = site.height if held is None else held
+        return told.data
 
     def _uncertainty(self, spec: ImuSpec, step: float) -> tuple[Array, Array]:
-        work = np.zeros((45, 15))
+        n = ErrorStates.size
+        work = np.zeros((3 * n, n))
+        phi_to_position = slice(0, ErrorStates.gyro_bias.start)
         if self.start.covariance is not None:
             given = np.asarray(self.start.covariance, np.float64)
             if given.shape != (9, 9):
                 raise InputError(f"a start's covariance has 9 by 9 numbers, got {given.shape}")
-            work[:9, :9] = given
+            work[phi_to_position, phi_to_position] = given
         if self.vertical.mode == "off":
-            for k in (5, 8):
+            for k in (ErrorStates.velocity.start + 2, ErrorStates.position.start + 2):
                 work[k] = 0.0
-                work[:15, k] = 0.0
+                work[:n, k] = 0.0
         g, a = spec.gyro, spec.accelerometer
-        for k in range(3):
-            work[9 + k, 9 + k], work[12 + k, 12 + k] = g.bias**2, a.bias**2
-        return work, np.array([
-            g.white**2, a.white**2, g.drift**2, a.drift**2, step,
-        ])  # fmt: skip
+        variances = ErrorStates(np.diag(work[:n]).copy())
+        variances.gyro_bias, variances.accel_bias = g.bias**2, a.bias**2
+        np.fill_diagonal(work[:n], variances.data)
+        noise = ErrorNoise.zeros()
+        noise.gyro_white, noise.accel_white = g.white**2, a.white**2
+        noise.gyro_walk, noise.accel_walk = g.drift**2, a.drift**2
+        noise.step = step
+        return work, noise.data
 
     def update(self, chunk: ImuRecord, height: Array | None = None) -> Navigator:
         """Take a chunk that follows the last one; return self.
@@ -243,9 +255,9 @@ class Navigator:
         self._last = float(chunk.time[-1])
         room = n // (self._subsamples * self._every) + 2
         out = np.empty((room, self._kernel.ROW))
-        variances = np.empty((room if self.spec is not None else 0, 15))
+        variances = np.empty((room if self.spec is not None else 0, ErrorStates.size))
         used = self._kernel.navigate(
-            self._state, self._subsamples, *self._flags, self._options,
+            self._state.data, self._subsamples, *self._flags, self._options,
             chunk.time, chunk.dt, chunk.dtheta, chunk.dvel, aid, self._every, out,
             self._work, self._noise, variances,
         )  # fmt: skip
@@ -258,15 +270,17 @@ class Navigator:
         self._name = chunk.name
         self._flags = (float(not chunk.coning_corrected), float(not chunk.sculling_corrected))
         self._subsamples = 1 if self._wanted is None else self._wanted
-        self._state[16] = chunk.start
-        self._state[19] = self._every
+        self._state.time = chunk.start
+        self._state.since_row = self._every
         self._rows.append(self._row())
         if self.spec is not None:
-            self._variances.append(np.diag(self._work[:15])[None].copy())
+            self._variances.append(self._variance_row())
 
     def _row(self) -> Array:
-        s = self._state
-        return np.concatenate([s[16:17], s[:12]])[None]
+        return self._state.row().data[None]
+
+    def _variance_row(self) -> Array:
+        return np.diag(self._work[: ErrorStates.size])[None].copy()
 
     def path(self) -> Path:
         """Return where it went so far; the last row is the last update, whatever `every` is.
@@ -281,11 +295,11 @@ class Navigator:
         rows = np.concatenate(self._rows)
         variances = np.concatenate(self._variances) if self._variances else None
         last = self._row()
-        if rows[-1, 0] != last[0, 0]:
+        if PathRow(rows).time[-1] != self._state.time:
             rows = np.concatenate([rows, last])
             if variances is not None:
-                variances = np.concatenate([variances, np.diag(self._work[:15])[None]])
-        covariance = self._work[:15].copy() if self.spec is not None else None
+                variances = np.concatenate([variances, self._variance_row()])
+        covariance = self._work[: ErrorStates.size].copy() if self.spec is not None else None
         return Path(rows, variances, covariance, self._name)
 
 

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from schuler.alignment import Alignment, Convergence, Residual, Windows
 from schuler.constants import DEG
+from schuler.kernels.states import StretchSums
 from schuler.record import Summary
+from schuler.record.summary import joined_stretches
 from schuler.reports.page import graph_objects
 
 __all__ = [
@@ -100,19 +102,13 @@ def _thin(blocks: Array, points: int) -> Array:
     step = -(-len(blocks) // points)
     if step <= 1:
         return blocks
-    starts = np.arange(0, len(blocks), step)
-    out = np.add.reduceat(blocks, starts, axis=0)
-    ends = np.append(starts[1:], len(blocks)) - 1
-    out[:, 0] = blocks[ends, 0]
-    out[:, 12:14] = np.maximum.reduceat(blocks[:, 12:14], starts, axis=0)
-    out[:, 14] = np.minimum.reduceat(blocks[:, 14], starts)
-    return np.asarray(out)
+    return joined_stretches(blocks, np.arange(0, len(blocks), step))
 
 
 def raw(summary: Summary, gravity: float) -> tuple[Any, Any]:
     """Draw |f| and |w| over the record with the disturbed stretches shaded."""
-    blocks = _thin(summary.blocks, POINTS)
-    t = blocks[:, 0] - 0.5 * blocks[:, 1]
+    each = StretchSums(_thin(summary.blocks, POINTS))
+    t = each.end - 0.5 * each.duration
     shades = [
         {
             "type": "rect", "xref": "x", "yref": "paper", "x0": s.start, "x1": s.end,
@@ -123,10 +119,10 @@ def raw(summary: Summary, gravity: float) -> tuple[Any, Any]:
     ]  # fmt: skip
     force = plot_layout(280, "time, s", "||f| - g|, m/s²", shapes=shades)
     force["yaxis"].update(type="log", exponentformat="power")
-    mean = blocks[:, 11] / blocks[:, 2]
-    rms = np.sqrt(np.maximum(blocks[:, 10] / blocks[:, 2] - gravity * (2 * mean - gravity), 0))
-    largest = np.maximum(blocks[:, 13] - gravity, gravity - blocks[:, 14])
-    vector = np.linalg.norm(blocks[:, 6:9], axis=1) / blocks[:, 1]
+    mean = each.sum_force / each.samples
+    rms = np.sqrt(np.maximum(each.sum_force2 / each.samples - gravity * (2 * mean - gravity), 0))
+    largest = np.maximum(each.largest_force - gravity, gravity - each.smallest_force)
+    vector = np.linalg.norm(each.sum_dvel, axis=1) / each.duration
     first = figure_of(
         [
             line_of(t, np.maximum(value, 1e-9), name, colour, hovertemplate="%{y:.3g} m/s²")
@@ -144,9 +140,9 @@ def raw(summary: Summary, gravity: float) -> tuple[Any, Any]:
         [
             line_of(t, np.maximum(value, 1e-12) / DEG, name, colour, hovertemplate="%{y:.3g} deg/s")
             for value, name, colour in (
-                (blocks[:, 12], "largest", GREY),
-                (np.sqrt(blocks[:, 9] / blocks[:, 2]), "rms", BLUE),
-                (np.linalg.norm(blocks[:, 3:6], axis=1) / blocks[:, 1], "of the mean", GREEN),
+                (each.largest_rate, "largest", GREY),
+                (np.sqrt(each.sum_rate2 / each.samples), "rms", BLUE),
+                (np.linalg.norm(each.sum_dtheta, axis=1) / each.duration, "of the mean", GREEN),
             )
         ],
         rate,

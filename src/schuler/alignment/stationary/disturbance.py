@@ -26,6 +26,7 @@ from schuler.alignment.history import History, gravity_direction, inertial_to_lo
 from schuler.alignment.stationary.inertial import Weights, solve
 from schuler.alignment.stationary.uncertainty import BLOCKS, Responses, part_covariance
 from schuler.earth import Site
+from schuler.kernels.states import TrackerNode
 from schuler.sensors import ImuSpec
 
 __all__ = [
@@ -92,8 +93,8 @@ def residual(h: History, site: Site, blocks: int = BLOCKS) -> Residual:
     g, lat = site.gravity, site.latitude
     r = solve(h, g, lat, "centred")
     thin, _ = h.thin(blocks)
-    mean = thin.block_means(slice(9, 12)) @ r.T
-    mean -= g * gravity_direction(lat) * thin.block_means(slice(12, 15))
+    mean = thin.block_means(TrackerNode.sum_v) @ r.T
+    mean -= g * gravity_direction(lat) * thin.block_means(TrackerNode.sum_gravity)
     weight = np.diff(thin.updates)
     offset = weight @ mean / weight.sum()
     t = 0.5 * (thin.t[1:] + thin.t[:-1])
@@ -342,11 +343,12 @@ def analytic_disturbance(h: History, c_nb: Array, responses: Responses) -> Array
     """
     out = np.zeros((3, 3))
     t = h.t
-    for columns, v in ((slice(30, 33), responses.gyro[0]), (slice(33, 36), responses.accel[0])):
+    sums = h.nodes
+    for total, v in ((sums.sum_dtheta, responses.gyro[0]), (sums.sum_dvel, responses.accel[0])):
         scatter: dict[int, Array] = {}
         for parts in (4, 8, 16):
             edges = np.linspace(0.0, h.duration, parts + 1)
-            ends = np.column_stack([np.interp(edges, t, x) for x in h.rows[:, columns].T])
+            ends = np.column_stack([np.interp(edges, t, x) for x in total.T])
             means = np.diff(ends, axis=0) * parts
             scatter[parts] = np.cov(means.T) / parts
         few, many = np.trace(scatter[4]), np.trace(scatter[16])

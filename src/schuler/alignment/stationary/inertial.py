@@ -23,6 +23,7 @@ from schuler.alignment.stationary.integral_methods import FIELD, field_gain, fie
 from schuler.attitude import skew
 from schuler.errors import InputError
 from schuler.estimate.vectors import triad, triad_jacobian, wahba_svd
+from schuler.kernels.states import TrackerNode
 
 __all__ = ["MINIMUM_ROWS", "Weights", "instants", "solve", "weights"]
 
@@ -157,7 +158,7 @@ def weights(
     thin, position = h.thin(blocks, [0])
     n = np.diff(thin.updates)
     d = gravity * gravity_direction(lat)
-    mean = d * thin.block_means(slice(12, 15))
+    mean = d * thin.block_means(TrackerNode.sum_gravity)
     if estimator == "centred":
         mean = mean - (n @ mean) / n.sum()
     s = thin.second_moments(estimator == "centred") * np.outer(d, d)

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from schuler.alignment.history import History, gravity_direction, inertial_to_local
 from schuler.attitude import quat_to_matrix, rotvec_to_quat, skew
 from schuler.estimate.vectors import triad, triad_jacobian, wahba_svd
+from schuler.kernels.states import TrackerNode
 
 __all__ = ["FIELD", "field_gain", "field_solve"]
 
@@ -37,8 +38,8 @@ _DEGREE = {"fitted-triad": 3, "fitted-position-triad": 4}
 
 def _means(h: History, gravity: float, lat: float) -> tuple[Array, Array, Array]:
     """Return lengths of the stretches and the mean theory and velocity over them."""
-    theory = gravity * gravity_direction(lat) * h.block_means(slice(12, 15))
-    return np.diff(h.t), theory, h.block_means(slice(9, 12))
+    theory = gravity * gravity_direction(lat) * h.block_means(TrackerNode.sum_gravity)
+    return np.diff(h.t), theory, h.block_means(TrackerNode.sum_v)
 
 
 def _functionals(dt: Array, estimator: str) -> Array:

@@ -47,6 +47,7 @@ from schuler.attitude import (
 )
 from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G
 from schuler.earth import Site
+from schuler.kernels.states import TrackerNode
 from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
 
 __all__ = ["Joint", "joint"]
@@ -329,9 +330,9 @@ def joint(h: History, site: Site, spec: ImuSpec | None, *, free_latitude: bool =
     h, _ = h.thin(BLOCKS)
     dt, t = np.diff(h.t), 0.5 * (h.t[1:] + h.t[:-1])
     local = inertial_to_local(t, lat)
-    theory = g * gravity_direction(lat) * h.block_means(slice(12, 15))
-    velocity = h.block_means(slice(9, 12))
-    q = h.block_means(slice(40, 44))
+    theory = g * gravity_direction(lat) * h.block_means(TrackerNode.sum_gravity)
+    velocity = h.block_means(TrackerNode.sum_v)
+    q = h.block_means(TrackerNode.sum_quat)
     size = np.linalg.norm(q, axis=1)
     # Half a turn within a stretch leaves no mean: such a stretch is no part of a dwell.
     q = q / np.maximum(size, 1e-9)[:, None]
@@ -385,7 +386,7 @@ def _with_tests(
     for sign in (-1.0, 1.0):
         there = Site((site.latitude + sign * step) / DEG, site.lon, site.height)
         direction = there.gravity * gravity_direction(there.latitude)
-        sides.append(direction * h.block_means(slice(12, 15)))
+        sides.append(direction * h.block_means(TrackerNode.sum_gravity))
     # v is that of the true latitude, so the residual gains what G would.
     slope = np.einsum("iab,ib->ia", local[:, :2], (sides[1] - sides[0]) / (2.0 * step))
     columns = np.zeros((*series.design.shape[:2], 4))
@@ -445,7 +446,7 @@ def _series(
     theta = _carried(once, attitude * dt[:, None, None])
     # A turned frame takes the force with it: theta x f.
     bend = _carried(once, -skew(np.diff(h.theory(g, lat), axis=0)) @ theta)
-    theory = g * gravity_direction(lat) * h.block_means(slice(12, 15))
+    theory = g * gravity_direction(lat) * h.block_means(TrackerNode.sum_gravity)
     design = np.zeros((5, m, _COLUMNS + 3 * len(dwells)))
     level_axes = local[:, :2]
     design[:3, :, :3] = -local.transpose(1, 0, 2)
