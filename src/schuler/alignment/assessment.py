@@ -24,6 +24,7 @@ from schuler.alignment.debias import without_gyro_bias
 from schuler.alignment.estimate import Estimate
 from schuler.alignment.history import History
 from schuler.alignment.methods import Analytic
+from schuler.alignment.stationary.analytic import analytic_attitude
 from schuler.alignment.stationary.optimal import joint
 from schuler.attitude import quat_to_matrix
 from schuler.constants import ARCMIN, DEG_PER_HOUR, EARTH_RATE
