@@ -29,6 +29,7 @@ from __future__ import annotations
 import math
 
 from schuler.kernels._jit import helper, kernel
+from schuler.kernels.increments import coned, normalised
 from schuler.kernels.kalman import gain_of, joseph, propagate
 from schuler.kernels.quat import (
     qconj,
@@ -123,7 +124,6 @@ def _fill_transition(phi, s, n, earth, gravity, wander, at_p, at_d, tau, axes):
 def carry(s, cfg, t, a, f):
     """Take one sample (angle and velocity, biases removed) into attitude, velocity and place."""
     before_a, before_f = (s[11], s[12], s[13]), (s[14], s[15], s[16])
-    coning = cfg[23] / 12.0
     earth = (cfg[0], cfg[1], cfg[2])
     if cfg[22] != 0.0:
         # In the wandering form the estimated horizontal Earth rate stands where biases do.
@@ -145,9 +145,8 @@ def carry(s, cfg, t, a, f):
         s[26 + c] += t * m2[c]
         s[29 + c] += dv[c]
         s[45 + c] += a[c]
-    q = qmul(qmul(qexp(scale(-1.0, frame)), q), qexp(axpy(coning, cross(before_a, a), a)))
-    m = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    s[1], s[2], s[3], s[4] = m * q[0], m * q[1], m * q[2], m * q[3]
+    turned = qexp(coned(cfg[23], before_a, a))
+    s[1], s[2], s[3], s[4] = normalised(qmul(qmul(qexp(scale(-1.0, frame)), q), turned))
     v = (s[5], s[6], s[7])
     bend = cross(frame, v)
     w = (

@@ -1,6 +1,6 @@
 """Strapdown navigation that does not know poles: attitude, velocity and position, resumable.
 
-Coning and sculling as in `schuler.kernels.tracking`; gravity, Coriolis and the turn of the frame
+Coning and sculling as in `schuler.kernels.increments`; gravity, Coriolis and the turn of the frame
 are taken at the middle of each update, with velocity carried there by the last acceleration
 (Savage, 1998, parts 1 and 2).
 
@@ -12,22 +12,6 @@ no latitude. The frame follows the ellipsoid by the curvature tensor
     K = I/(RN + h) + k z z^T,  k = RN e2 / (W2 (RM + h)(RN + h)),
 
 with z the level part of the Earth's axis in n, of length cosL: it has no singular point.
-
-===== ====================================================================
-0-3   q_b^n
-4-6   velocity in n, m/s
-7-10  q_n^e
-11    height, m
-12-14 acceleration of the last update in n, m/s^2
-15    time of the samples that wait, s
-16    time of the last update, s
-17    updates
-18    integral of the height damping, m/s^2
-19    updates since the last row
-20-28 integral of C_b^n, 29-31 of the force in n, 32 of time, since the last covariance
-33-39 the ellipsoid at the last look: as from `ellipsoid`, squared sine of latitude and height
-42 on as in tracking (samples before and samples waiting)
-===== ====================================================================
 """
 
 from __future__ import annotations
@@ -45,13 +29,18 @@ from schuler.constants import (
 )
 from schuler.kernels._jit import helper, kernel
 from schuler.kernels.covariance import propagate
-from schuler.kernels.quat import qexp, qmul, qrotate, quat_to_matrix, rotation_averages
-from schuler.kernels.tracking import combine
+from schuler.kernels.increments import (
+    normalised,
+    previous_pair,
+    rotated_velocity,
+    waiting_pair,
+)
+from schuler.kernels.quat import qexp, qmul, qrotate, quat_to_matrix
+from schuler.kernels.states import PathRow, StrapdownOptions, StrapdownState
 from schuler.kernels.vec import Vec, add, axpy, cross, scale
 
-STATE_SIZE = 80
-ROW = 13
-"""Numbers in a row of the path: time, q_b^n, velocity in n, q_n^e, height."""
+STATE_SIZE = StrapdownState.size
+ROW = PathRow.size
 
 SOMIGLIANA, SOMIGLIANA1, PSINS, CONSTANT = 0, 1, 2, 3
 FREE, DAMPED, OFF = 0, 1, 2
@@ -59,10 +48,7 @@ FREE, DAMPED, OFF = 0, 1, 2
 SURVEY, RENORM = 8, 64
 """Updates between two looks at the ellipsoid, and between two corrections of lengths."""
 
-TWELFTH = 1.0 / 12.0
-
-OPTIONS = 7
-"""Gravity's code and constant value; vertical's code, three gains and the height to hold."""
+OPTIONS = StrapdownOptions.size
 
 
 @helper
@@ -139,13 +125,6 @@ def stored(s, q, v, p, level: float, pull) -> None:
 
 
 @helper
-def renormalised(q):
-    """Return q scaled to unit length by one Newton step."""
-    m = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    return m * q[0], m * q[1], m * q[2], m * q[3]
-
-
-@helper
 def advance(
     s, options, aid: float, span: float, ta, tv, con, scu, coning: float, sculling: float,
     q, v, p, level: float, pull,
@@ -156,11 +135,7 @@ def advance(
     stay in registers from one update to the next; `s` holds the slow rest. The force in n goes
     with them.
     """
-    u = tv
-    if sculling != 0.0:
-        c1, c2 = rotation_averages(ta[0] * ta[0] + ta[1] * ta[1] + ta[2] * ta[2])
-        x1 = cross(ta, tv)
-        u = add(axpy(c1, x1, axpy(c2, cross(ta, x1), tv)), scu)
+    u = rotated_velocity(sculling, ta, tv, scu)
     # Where the middle of the update is, and how fast: by the last acceleration.
     half = 0.5 * span
     middle = axpy(half, pull, v)
@@ -175,7 +150,7 @@ def advance(
         s[38], s[39] = s2, level
         if count % RENORM == 0:
             # Lengths stray by a rounding an update.
-            q, p = renormalised(q), renormalised(p)
+            q, p = normalised(q), normalised(p)
     s[17] += 1.0
     up = height - s[39]
     a = s[33] * (1.0 - s[33] * up - 0.5 * EARTH_E2 * (z[2] * z[2] - s[38]))
@@ -229,13 +204,13 @@ def navigate(
     Parameters
     ----------
     state : (STATE_SIZE,) float64
-        The start: attitude, velocity, position; the rest zero.
+        `StrapdownState`: attitude, velocity, position; the rest zero.
     n_sub : int
         Samples to an update, 1 to 4 (1 uses the sample before as well).
     coning, sculling : float
         1 to correct, 0 where the instrument has done it.
     options : (OPTIONS,) float64
-        See `OPTIONS`.
+        `StrapdownOptions`.
     time, dt, dtheta, dvel : (n,), (n,), (n, 3), (n, 3) float64
         The samples, as in `ImuRecord`.
     aid : (n,) or (0,) float64
@@ -243,7 +218,7 @@ def navigate(
     every : int
         Updates to a row of the path; the first row comes with the first update.
     out : (rows, ROW) float64
-        The path.
+        The path, `PathRow` by `PathRow`.
     cov, noise : (3 * 15, 15) and (5,) float64, or empty
         As in `schuler.kernels.covariance`; the step is noise[4], s.
     variances : (rows, 15) float64, or empty
@@ -267,8 +242,7 @@ def navigate(
             span = dt[i]
             ta = (dtheta[i, 0], dtheta[i, 1], dtheta[i, 2])
             tv = (dvel[i, 0], dvel[i, 1], dvel[i, 2])
-            ca, cv = scale(TWELFTH, ba), scale(TWELFTH, bv)
-            con, scu = cross(ca, ta), add(cross(ca, tv), cross(cv, ta))
+            con, scu = previous_pair(ba, bv, ta, tv)
             ba, bv = ta, tv
         else:
             k = int(s[48])
@@ -283,7 +257,7 @@ def navigate(
             s[48] = 0.0
             span = s[15]
             s[15] = 0.0
-            ta, tv, con, scu = combine(s, n_sub)
+            ta, tv, con, scu = waiting_pair(s, n_sub)
         held = aid[i] if aided else options[6]
         if tracked:
             gather(s, q, 0.5 * span)
@@ -330,8 +304,7 @@ def local(rows, out):
     ----------
     rows : (n, ROW) float64
     out : (n, 12) float64
-        Time; q_b^n with n = ENU; velocity east, north, up; latitude, longitude (rad), height; the
-        angle from east to the wander frame's x axis, counter-clockwise, rad.
+        `LocalRow` by `LocalRow`.
     """
     for i in range(rows.shape[0]):
         r0, r1, r2 = quat_to_matrix((rows[i, 8], rows[i, 9], rows[i, 10], rows[i, 11]))
@@ -370,8 +343,7 @@ def many(starts, options, dt, dtheta, dvel, errors, rng, ends):
     dtheta, dvel : (n, 3) float64
         True increments.
     errors : (runs, 26) float64
-        Gyro bias (3) and matrix (9, by rows), accelerometer bias (3) and matrix (9): measured =
-        true + M true + bias; then angle and velocity random walk, rad/sqrt(s) and m/s/sqrt(s).
+        `InstrumentErrors` of each run.
     rng : numpy.random.Generator
     ends : (runs, ROW) float64
         The last row of each path.
@@ -409,11 +381,10 @@ def many(starts, options, dt, dtheta, dvel, errors, rng, ends):
                     v[1] + nv * rng.standard_normal(),
                     v[2] + nv * rng.standard_normal(),
                 )
-            ca, cv = scale(TWELFTH, before_a), scale(TWELFTH, before_v)
+            con, scu = previous_pair(before_a, before_v, a, v)
             q, speed, p, level, pull, _ = advance(
-                s, options, options[6], dt, a, v, cross(ca, a),
-                add(cross(ca, v), cross(cv, a)), 1.0, 1.0, q, speed, p, level, pull,
-            )  # fmt: skip
+                s, options, options[6], dt, a, v, con, scu, 1.0, 1.0, q, speed, p, level, pull
+            )
             before_a, before_v = a, v
         stored(s, q, speed, p, level, pull)
         s[42], s[43], s[44] = before_a

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from schuler.kernels._jit import kernel
+from schuler.kernels.increments import coned, normalised
 from schuler.kernels.quat import qexp, qmul, qrotate
 from schuler.kernels.vec import add, axpy, cross, scale
 
@@ -79,9 +80,7 @@ def navigate_on_the_spot(state, coning, sculling, earth, gravity, dt, dtheta, dv
         t = (dtheta[i, 0], dtheta[i, 1], dtheta[i, 2])
         u = (dvel[i, 0], dvel[i, 1], dvel[i, 2])
         push = u
-        turned = t
-        if coning != 0.0:
-            turned = axpy(1.0 / 12.0, cross(a, t), t)
+        turned = coned(coning, a, t)
         if sculling != 0.0:
             push = add(push, scale(1.0 / 12.0, add(cross(a, u), cross(b, t))))
             push = axpy(0.5, cross(t, u), push)
@@ -95,9 +94,7 @@ def navigate_on_the_spot(state, coning, sculling, earth, gravity, dt, dtheta, dv
             v[1] + force[1] - bend[1],
             v[2] + force[2] - bend[2] - gravity * h,
         )
-        q = qmul(qmul(qexp(frame), q), qexp(turned))
-        m = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-        q = (m * q[0], m * q[1], m * q[2], m * q[3])
+        q = normalised(qmul(qmul(qexp(frame), q), qexp(turned)))
         a, b = t, u
         for c in range(4):
             out[i, c] = middle[c]

@@ -1,0 +1,223 @@
+"""Whether gyros and accelerometers name the same axes: f must turn in the body as w says.
+
+For the low frequencies of a base that moves, f = f0 - theta x f0 + a, with the gyros' angle theta
+and an acceleration `a` of unknown spectrum; a lever arm adds a part proportional to frequency
+squared. The likelihood of this, with the acceleration's spectrum estimated in bands, is compared
+over all 48 ways of naming the gyros' axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import permutations, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.alignment.history import History
+from schuler.kernels.states import TrackerNode
+
+__all__ = ["AXES_MARGIN", "AxesTest", "axes_test", "axes_text"]
+
+Array = NDArray[np.float64]
+Spectrum = NDArray[np.complex128]
+
+AXES_MARGIN = 15.0
+"""Log likelihood by which another naming of the axes must be better."""
+
+_HIGHEST = 1.0
+"""Frequency (Hz) up to which the force is looked at: above, a vehicle's shaking hides its tilt."""
+
+_LARGEST = 0.3
+"""Angle (rad) of the base within a span beyond which small angles say nothing."""
+
+_LEAST = 64
+"""Intervals that are enough."""
+
+
+@dataclass(frozen=True)
+class AxesTest:
+    """Whether the force turns in the body as the gyros say.
+
+    Parameters
+    ----------
+    margin : float
+        Log likelihood of the best naming of the gyros' axes over the given one.
+    axes : str
+        The best naming, as ``-x,-y,-z``; ``x,y,z`` where the given one is the best.
+    mirrored : bool
+        Whether both triads in a mirror would fit as well: it looks like gyros of the other sign.
+    """
+
+    margin: float
+    axes: str
+    mirrored: bool
+
+
+@lru_cache(maxsize=1)
+def _namings() -> tuple[Array, tuple[str, ...]]:
+    """Return what the gyros are tried as (50, 3, 3), and the names of the first 48.
+
+    The 48 signed permutations, the identity first; then both triads in a mirror, which turns as
+    gyros of the other sign; and no turn at all: the gyros show their noise.
+    """
+    found, names = [], []
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            matrix = np.zeros((3, 3))
+            matrix[range(3), order] = signs
+            found.append(matrix)
+            names.append(
+                ",".join(
+                    f"{'-' if s < 0 else ''}{'xyz'[k]}" for k, s in zip(order, signs, strict=True)
+                )
+            )
+    return np.array([*found, -np.eye(3), np.zeros((3, 3))]), tuple(names)
+
+
+@dataclass(frozen=True, eq=False)
+class _Bands:
+    """The frequencies that are looked at.
+
+    Parameters
+    ----------
+    used : (n // 2 + 1,) bool
+        Of the transform's frequencies.
+    frequency : (k,) float64
+        Hz.
+    edges : (b + 1,) int64
+        Of the bands within `frequency`.
+    """
+
+    used: NDArray[np.bool_]
+    frequency: Array
+    edges: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, n: int, step: float) -> _Bands | None:
+        """Make it for n intervals of `step` s; None where too few frequencies are left."""
+        frequency = np.asarray(np.fft.rfftfreq(n, step), np.float64)
+        used = (frequency >= 3.0 / (n * step)) & (frequency <= min(_HIGHEST, 0.2 / step))
+        count = int(used.sum())
+        if count < 12:
+            return None
+        bands = max(3, int(count**0.5))
+        edges = np.unique(np.round(np.geomspace(4, count + 4, bands + 1))).astype(np.int64) - 4
+        edges[0] = 0
+        return cls(used, frequency[used], edges)
+
+    def left(self, x: Array) -> Array:
+        """Return series (n, c) without their parabola: a bias and a drift leak into all else."""
+        trend, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, len(x)), 3))
+        return np.asarray(x - trend @ (trend.T @ x))
+
+    def spectrum(self, x: Array) -> Spectrum:
+        """Return the spectrum (k, c) of series (n, c)."""
+        window = np.hanning(len(x))[:, None] / np.sqrt(0.375 * len(x))
+        return np.asarray(np.fft.rfft(self.left(x) * window, axis=0)[self.used])
+
+
+def axes_test(h: History, spans: Sequence[tuple[float, float]] | None = None) -> AxesTest | None:
+    """Compare how the force turns in the body with the gyros, over all namings of their axes.
+
+    Parameters
+    ----------
+    h : History
+    spans : sequence of (float, float), optional
+        Start and end of the dwells, s since the start; the whole record when not given. What is
+        turned on purpose turns too far for small angles.
+
+    Returns
+    -------
+    AxesTest, or None where no span has enough nodes.
+    """
+    namings, names = _namings()
+    log = np.zeros(len(namings))
+    told = False
+    for begin, end in [(0.0, h.duration)] if spans is None else spans:
+        first, last = np.searchsorted(h.t, [begin - 1e-9, end + 1e-9]) - [0, 1]
+        part = _of_span(h.rows[first : last + 1], namings)
+        if part is not None:
+            log += part
+            told = True
+    if not told:
+        return None
+    best = int(np.argmax(log[:-2]))
+    margin = float(log[best] - max(log[0], log[-1]))
+    if margin < AXES_MARGIN:
+        return AxesTest(max(margin, 0.0), names[0], mirrored=False)
+    return AxesTest(margin, names[best], mirrored=bool(log[-2] > log[best] - 3.0))
+
+
+def _of_span(rows: Array, namings: Array) -> Array | None:
+    """Return the log likelihood (k,) of each naming in one span of a history's rows."""
+    n = len(rows) - 1
+    if n < _LEAST:
+        return None
+    nodes = TrackerNode(rows)
+    dt = np.diff(nodes.time)
+    bands = _Bands.of(n, float(dt.mean()))
+    if bands is None:
+        return None
+    angle = np.diff(nodes.sum_dtheta, axis=0)
+    theta = np.cumsum(angle, axis=0) - 0.5 * angle
+    if np.abs(bands.left(theta)).max() > _LARGEST:
+        return None
+    f_b = np.diff(nodes.sum_dvel, axis=0) / dt[:, None]
+    mean = f_b.mean(axis=0)
+    level = _level_axes(mean)
+    turned, seen = bands.spectrum(theta), bands.spectrum((f_b - mean) @ level)
+    # -theta x f for each naming, in one product.
+    turns = np.einsum("kc,mac,ab->mkb", turned, namings, -_cross_matrix(mean) @ level)
+    lever = turns * (bands.frequency**2)[:, None]
+    return _log_likelihood(seen[None] - turns, lever, bands.edges)
+
+
+def _level_axes(f: Array) -> Array:
+    """Return two unit vectors (3, 2) across a force."""
+    up = f / np.linalg.norm(f)
+    first = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
+    level = np.stack([first, np.cross(up, first)], axis=1)
+    return np.asarray(level / np.linalg.norm(level, axis=0))
+
+
+def _cross_matrix(f: Array) -> Array:
+    """Return M with theta @ M = theta x f."""
+    return np.array([[0.0, -f[2], f[1]], [f[2], 0.0, -f[0]], [-f[1], f[0], 0.0]])
+
+
+def _log_likelihood(held: Spectrum, lever: Spectrum, edges: NDArray[np.int64]) -> Array:
+    """Return the log likelihood (k,) of k held forces, their noise estimated in bands.
+
+    The lever arm's part is fitted for each.
+    """
+    counts = np.diff(edges)
+    left = held
+    for _ in range(2):
+        weight = np.repeat(1.0 / _power(left, edges), counts, axis=1)[:, :, None]
+        top = np.sum((lever.conj() * held).real * weight, axis=(1, 2))
+        bottom = np.sum(np.abs(lever) ** 2 * weight, axis=(1, 2))
+        left = held - (top / np.maximum(bottom, 1e-300))[:, None, None] * lever
+    # A Hann window leaves two thirds of the bins independent.
+    return np.asarray(-2.0 * np.log(_power(left, edges)) @ counts / 1.5)
+
+
+def _power(left: Spectrum, edges: NDArray[np.int64]) -> Array:
+    """Return the mean power of one axis in each band, (k, b)."""
+    total = np.add.reduceat(np.sum(np.abs(left) ** 2, axis=2), edges[:-1], axis=1)
+    return np.asarray(np.maximum(total / (2.0 * np.diff(edges)), 1e-300))
+
+
+def axes_text(found: AxesTest) -> str:
+    """Return the sentence of a contradiction."""
+    if found.mirrored:
+        return (
+            "the force turns in the body against the gyros, as in a mirror: two axes are exchanged "
+            f"or one has the wrong sign (gyros {found.axes} would fit); check --axes and --columns"
+        )
+    return (
+        f"the force does not turn in the body as the gyros say; with gyro axes {found.axes} it "
+        "would be consistent: check --columns and the axes of gyros and accelerometers"
+    )
