@@ -13,7 +13,6 @@ from schuler.alignment.stationary.uncertainty import BLOCKS
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.kernels.states import TrackerNode
-from schuler.kernels.states import TrackerNode
 from schuler.motion import Static
 from schuler.simulation import simulate
 from tests.alignment.conftest import INERTIAL, SITE, WHITE, phi_of
