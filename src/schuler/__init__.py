@@ -46,14 +46,16 @@ _EXPORTS = {
     "schuler.config": ("load_scenario",),
     "schuler.earth": ("Site",),
     "schuler.errors": ("InputError", "SchulerError"),
-    "schuler.io": ("Mapping", "open_source", "read", "write"),
-    "schuler.io.reference": ("read_reference",),
+    "schuler.io": (
+        "Mapping", "open_source", "read", "read_trajectory", "write", "write_trajectory",
+    ),
     "schuler.navigation": ("Navigator", "Start", "evaluate", "navigate"),
     "schuler.prefilter": ("Emd", "Gate", "Hankel", "LowPass", "Wavelet"),
     "schuler.record": ("ImuRecord",),
     "schuler.reports": ("report",),
     "schuler.sensors": ("ImuSpec", "SensorArray", "load_spec"),
     "schuler.simulation": ("Simulation", "simulate"),
+    "schuler.trajectory": ("Trajectory",),
 }  # fmt: skip
 _MODULE = {name: module for module, names in _EXPORTS.items() for name in names}
 
@@ -86,8 +88,9 @@ if TYPE_CHECKING:
     from schuler.io import Mapping as Mapping
     from schuler.io import open_source as open_source
     from schuler.io import read as read
+    from schuler.io import read_trajectory as read_trajectory
     from schuler.io import write as write
-    from schuler.io.reference import read_reference as read_reference
+    from schuler.io import write_trajectory as write_trajectory
     from schuler.navigation import Navigator as Navigator
     from schuler.navigation import Start as Start
     from schuler.navigation import evaluate as evaluate
@@ -104,6 +107,7 @@ if TYPE_CHECKING:
     from schuler.sensors import load_spec as load_spec
     from schuler.simulation import Simulation as Simulation
     from schuler.simulation import simulate as simulate
+    from schuler.trajectory import Trajectory as Trajectory
 
 
 def __getattr__(name: str) -> Any:

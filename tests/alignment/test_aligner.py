@@ -59,7 +59,7 @@ def test_waiting_samples_are_not_lost(truck):
 def test_corrected_increments_are_not_corrected_again(truck):
     plain = align(truck.record, SITE)
     done = align(replace(truck.record, coning_corrected=True, sculling_corrected=True), SITE)
-    assert not np.array_equal(plain.quaternion, done.quaternion)
+    assert not np.array_equal(plain.quat_nb, done.quat_nb)
 
 
 def test_the_rate_chooses_the_algorithm(truck):
@@ -172,12 +172,12 @@ def test_a_prefilter_runs_on_the_whole_record(truck):
     by_hand = align(prefilter(truck.record), SITE)
     fix = align(truck.record, SITE, method)
     assert fix.method == method
-    assert np.array_equal(fix.quaternion, by_hand.quaternion)
+    assert np.array_equal(fix.quat_nb, by_hand.quat_nb)
     pieces_of_it = Aligner(SITE, method)
     for chunk in truck.record.chunks(777):
         pieces_of_it.update(chunk)
     assert pieces_of_it.samples == len(truck.record)
-    assert np.array_equal(pieces_of_it.solution().quaternion, fix.quaternion)
+    assert np.array_equal(pieces_of_it.solution().quat_nb, fix.quat_nb)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ import pytest
 from schuler.constants import DEG, DEG_PER_HOUR, EARTH_RATE
 from schuler.earth import Site, radii
 from schuler.errors import InputError
-from schuler.io.reference import Reference
 from schuler.modulation import (
     RotationCase,
     TriadErrors,
@@ -120,9 +119,9 @@ def day():
     made = simulate(
         Static(), site, 86400.0, 5.0, gyro_bias=np.array([0.01 * DEG_PER_HOUR, 0.0, 0.0])
     )
-    p = Navigator(Start(site, made.truth.quaternion[0]), vertical="off", every=300)
+    p = Navigator(Start(site, made.truth.quat_nb[0]), vertical="off", every=300)
     t, k = made.truth, slice(None, None, 300)
-    reference = Reference(t.time[k], t.position[k], t.velocity[k], t.quaternion[k])
+    reference = t.rows(k)
     return evaluate(p.update(made.record).path(), reference)
 
 

@@ -329,7 +329,7 @@ class Aligner:
             end=float(self._tail[0][-1]),
             samples=self.samples,
             at=self.at,
-            quaternion=nearest_quat(found.attitude),
+            quat_nb=nearest_quat(found.attitude),
             covariance=covariance,
             budget=budget,
             contradictions=contradictions,

@@ -54,7 +54,7 @@ class Alignment(Shown):
         Samples used.
     at : {"start", "end"}
         The instant of the attitude.
-    quaternion : (4,) float64
+    quat_nb : (4,) float64
         q_b^n, scalar first.
     covariance : (3, 3) float64
         Of phi (east, north, up), rad^2: the sum of the budget.
@@ -93,7 +93,7 @@ class Alignment(Shown):
     end: float
     samples: int
     at: str
-    quaternion: Array
+    quat_nb: Array
     covariance: Array
     budget: dict[str, Array]
     bound: Array | None
@@ -147,22 +147,22 @@ class Alignment(Shown):
         """C_b^n as a `scipy.spatial.transform.Rotation`."""
         from schuler.attitude import to_scipy
 
-        return to_scipy(self.quaternion)
+        return to_scipy(self.quat_nb)
 
     @property
     def heading_deg(self) -> float:
         """Heading, clockwise from north in [0, 360), deg."""
-        return float(psi_to_heading(quat_to_euler(self.quaternion)[0])) / DEG
+        return float(psi_to_heading(quat_to_euler(self.quat_nb)[0])) / DEG
 
     @property
     def pitch_deg(self) -> float:
         """Pitch, deg."""
-        return float(quat_to_euler(self.quaternion)[1]) / DEG
+        return float(quat_to_euler(self.quat_nb)[1]) / DEG
 
     @property
     def roll_deg(self) -> float:
         """Roll, deg."""
-        return float(quat_to_euler(self.quaternion)[2]) / DEG
+        return float(quat_to_euler(self.quat_nb)[2]) / DEG
 
     @property
     def sigma_arcmin(self) -> Array:
@@ -181,7 +181,7 @@ class Alignment(Shown):
         It is that of phi about up where the body is level; with a pitch theta the tilts enter by
         tan(theta). No larger than that of an unknown angle, 104 deg.
         """
-        return heading_sigma(self.quaternion, self.covariance) / ARCMIN
+        return heading_sigma(self.quat_nb, self.covariance) / ARCMIN
 
     @property
     def limit_arcmin(self) -> Array | None:
@@ -226,7 +226,7 @@ class Alignment(Shown):
             "heading_sigma_arcmin": self.heading_sigma_arcmin,
             "pitch_deg": self.pitch_deg,
             "roll_deg": self.roll_deg,
-            "quaternion_wxyz": [float(v) for v in self.quaternion],
+            "quaternion_wxyz": [float(v) for v in self.quat_nb],
             "sigma_arcmin": named(self.sigma_arcmin),
             "limit_arcmin": named(self.limit_arcmin),
             "budget_arcmin2": self.budget_arcmin2,
@@ -274,7 +274,7 @@ class Alignment(Shown):
         if sigma > NO_HEADING * 60.0:
             return f"no heading (sigma {sigma / 60.0:.0f} deg)"
         if abs(self.pitch_deg) > STEEP:
-            psi, _, gamma = (float(v) / DEG for v in quat_to_euler(self.quaternion))
+            psi, _, gamma = (float(v) / DEG for v in quat_to_euler(self.quat_nb))
             # Both turn about the vertical: what is left of them is one angle.
             sign = -1.0 if self.pitch_deg > 0 else 1.0
             return (

@@ -289,7 +289,7 @@ def systematic(**options: Any) -> None:
         "gyro_bias_prior": max(3.0 * spec.gyro.bias, 0.01 * DEG_PER_HOUR),
         "accel_bias_prior": max(3.0 * spec.accelerometer.bias, 10.0 * MICRO_G),
     }
-    fit = calibrate_systematic(record, site, fix.quaternion, **settings)
+    fit = calibrate_systematic(record, site, fix.quat_nb, **settings)
     if out is not None:
         fit.calibration.to_toml(out)
     if json_to is not None:

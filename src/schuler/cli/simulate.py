@@ -48,7 +48,7 @@ def command(**options: Any) -> None:
     """  # noqa: D301
     from schuler.config import load_scenario, parse_overrides
     from schuler.io import write
-    from schuler.io.truth import truth_path, write_truth
+    from schuler.io.trajectory import truth_path, write_trajectory
 
     overrides = parse_overrides(options["overrides"])
     if options["seed"] is not None:
@@ -66,7 +66,7 @@ def command(**options: Any) -> None:
     made = scenario.run(scenario.sequence(run))
     write(made.record, out)
     about = _about(scenario, made, run)
-    write_truth(made.truth, truth, {**about, "scenario": dict(scenario.data)})
+    write_trajectory(made.truth, truth, {**about, "scenario": dict(scenario.data)})
     about = {"schema": "schuler.simulation/1", "record": str(out), "truth": str(truth), **about}
     if options["json_to"] is not None:
         emit_json(about, options["json_to"])

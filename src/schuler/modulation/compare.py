@@ -309,15 +309,14 @@ def strapdown_end(
     from schuler.kernels import strapdown
     from schuler.kernels.states import StrapdownOptions
     from schuler.motion import Static
-    from schuler.navigation.navigator import Start
+    from schuler.navigation.navigator import Start, local_rows
     from schuler.simulation import simulate
-    from schuler.trajectory import Path as Track
 
     if any(walks) and rng is None:
         raise InputError("random walks need a random generator: give rng")
     made = simulate(scheme.on(Static(case.heading)), case.site, case.duration, rate)
     r = made.record
-    state = Start(case.site, made.truth.quaternion[0]).state().data
+    state = Start(case.site, made.truth.known("quat_nb")[0]).state().data
     told = StrapdownOptions.zeros()
     told.gravity_model, told.vertical_mode = strapdown.SOMIGLIANA, strapdown.OFF
     told.held_height = case.site.height
@@ -336,9 +335,9 @@ def strapdown_end(
     with ThreadPoolExecutor(workers) as pool:
         for future in [pool.submit(work, a, b) for a, b in zip(shares, generators, strict=True)]:
             future.result()
-    place = Track(ends).position
+    place = local_rows(ends)
     rm, rn = (float(x) + case.site.height for x in radii(case.site.latitude))
-    lon = np.remainder(place[:, 1] - case.site.longitude + np.pi, 2 * np.pi) - np.pi
+    lon = np.remainder(place.lon - case.site.longitude + np.pi, 2 * np.pi) - np.pi
     return np.column_stack([
-        lon * rn * np.cos(case.site.latitude), (place[:, 0] - case.site.latitude) * rm,
+        lon * rn * np.cos(case.site.latitude), (place.lat - case.site.latitude) * rm,
     ])  # fmt: skip

@@ -72,8 +72,8 @@ def _block(number: int, first: int, last: int, seed: int) -> tuple[Array, Array]
         # A filter knows most at its end; the default method is asked for the start.
         for method, at, to in ((filter_, "end", found[0]), (None, "start", found[1])):
             fix = align(made.record, site, method, spec, at=at)
-            true = made.truth.quaternion[0 if at == "start" else -1]
-            to.append(misalignment(fix.quaternion, true))
+            true = made.truth.known("quat_nb")[0 if at == "start" else -1]
+            to.append(misalignment(fix.quat_nb, true))
     return np.array(found[0]), np.array(found[1])
 
 

@@ -63,10 +63,10 @@ def _block(first: int, last: int, seed: int) -> dict[str, Array]:
         rng = np.random.default_rng([seed, 3, k])
         motion = DisturbedVehicle.with_crew(rng, duration, heading=rng.uniform(0, 360))
         made = simulate(motion, site, duration, settings["rate"], spec, rng)
-        true = made.truth.quaternion[-1]
+        true = made.truth.known("quat_nb")[-1]
         for name, method in methods(case["printed"]["stop"]).items():
             fix = align(made.record, site, method, spec)
-            out.setdefault(name, []).append(float(misalignment(fix.quaternion, true)[2]))
+            out.setdefault(name, []).append(float(misalignment(fix.quat_nb, true)[2]))
             if not name.startswith("TRIAD"):
                 settled = settle_time(fix, 50)
                 out.setdefault(f"settled {name}", []).append(
