@@ -50,7 +50,7 @@ _EXPORTS = {
         "Mapping", "open_source", "read", "read_trajectory", "write", "write_trajectory",
     ),
     "schuler.navigation": ("Navigator", "Start", "evaluate", "navigate"),
-    "schuler.prefilter": ("Emd", "Gate", "Hankel", "LowPass", "Wavelet"),
+    "schuler.prefilter": ("Chain", "Emd", "Gate", "Hankel", "LowPass", "Wavelet"),
     "schuler.record": ("ImuRecord",),
     "schuler.reports": ("report",),
     "schuler.sensors": ("ImuSpec", "SensorArray", "load_spec"),
@@ -95,6 +95,7 @@ if TYPE_CHECKING:
     from schuler.navigation import Start as Start
     from schuler.navigation import evaluate as evaluate
     from schuler.navigation import navigate as navigate
+    from schuler.prefilter import Chain as Chain
     from schuler.prefilter import Emd as Emd
     from schuler.prefilter import Gate as Gate
     from schuler.prefilter import Hankel as Hankel

@@ -15,15 +15,13 @@ from schuler.alignment.aligner import align
 from schuler.alignment.convergence import convergence
 from schuler.alignment.methods import (
     METHODS,
-    PREFILTERS,
     parse_method,
-    parse_prefilter,
-    with_prefilter,
 )
 from schuler.alignment.result import Alignment
 from schuler.alignment.windows import align_windows
 from schuler.earth import Site
 from schuler.errors import InputError, SchulerError
+from schuler.prefilter import PREFILTERS, parse_prefilter
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec, load_spec
 
@@ -164,7 +162,7 @@ def compare(
         For an unknown name.
     """
     spec = load_spec(spec)
-    todo = [(parse_method(m), parse_prefilter(p, site.gravity), m, p) for m, p in pairs]
+    todo = [(parse_method(m), parse_prefilter(p), m, p) for m, p in pairs]
     if window is None:
         window = max(60.0, record.duration / 10.0)
     repeat = window if record.duration >= 3.0 * window else None
@@ -173,7 +171,7 @@ def compare(
     for method, prefilter, name, filter_name in todo:
         if progress is not None:
             progress(f"{name}, {filter_name}" if filter_name != "none" else name)
-        method = with_prefilter(method, prefilter)
+        method = method.with_prefilter(prefilter)
         begin = time.perf_counter()
         try:
             fix = align(record, site, method, spec)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from schuler._notebook import Shown, bar, card
 from schuler.alignment.history import History
-from schuler.alignment.methods import Method
+from schuler.alignment.method import Method
 from schuler.alignment.stationary.kalman import FinePass
 from schuler.attitude import heading_sigma, psi_to_heading, quat_to_euler
 from schuler.constants import ARCMIN, DEG
@@ -27,7 +27,7 @@ __all__ = ["AXES", "SCHEMA", "Alignment"]
 
 Array = NDArray[np.float64]
 
-SCHEMA = "schuler.alignment/2"
+SCHEMA = "schuler.alignment/3"
 AXES = ("east", "north", "up")
 
 NO_HEADING = 10.0
@@ -46,7 +46,7 @@ class Alignment(Shown):
 
     Parameters
     ----------
-    method : Inertial or Analytic
+    method : Method
     site : Site
     start, end : float
         The span that was used, s in the record's time.
@@ -194,7 +194,7 @@ class Alignment(Shown):
         return {name: float(cov[2, 2]) / ARCMIN**2 for name, cov in self.budget.items()}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result with the keys of the JSON schema `schuler.alignment/2`.
+        """Return the result with the keys of the JSON schema `schuler.alignment/3`.
 
         The heading is null where its sigma is above 60 deg.
         """
@@ -215,7 +215,7 @@ class Alignment(Shown):
             "schema": SCHEMA,
             "consistent": self.consistent,
             "contradictions": list(self.contradictions),
-            "method": str(self.method),
+            "method": self.method.to_table(),
             "time": {
                 "start": self.start,
                 "end": self.end,

@@ -12,7 +12,7 @@ import numpy as np
 
 from schuler._notebook import Shown
 from schuler.alignment.aligner import Aligner
-from schuler.alignment.methods import Method
+from schuler.alignment.method import Method
 from schuler.alignment.result import Alignment
 from schuler.constants import DEG
 from schuler.earth import Site

@@ -331,18 +331,6 @@ def _table_rows(case: dict[str, Any], found: dict[int, dict[Any, Array]]) -> lis
     return rows
 
 
-@dataclass(frozen=True)
-class _Chain:
-    """Prefilters one after the other."""
-
-    parts: tuple[Prefilter, ...]
-
-    def __call__(self, record: ImuRecord) -> ImuRecord:
-        for part in self.parts:
-            record = part(record)
-        return record
-
-
 def _gate_block(first: int, last: int, seed: int) -> dict[str, Array]:
     """Return phi, arcmin, of runs of a disturbed vehicle by each filter, and what was rejected."""
     case = conditions("guo2015")
@@ -350,11 +338,11 @@ def _gate_block(first: int, last: int, seed: int) -> dict[str, Array]:
     site, spec = Site(case["printed"]["lat"]), load_spec(settings["grade"])
     low = LowPass(settings["cutoff"])
     gates = {
-        name: Gate(site.gravity, settings["width"], two_sided=two)
+        name: Gate(settings["width"], two_sided=two, gravity=site.gravity)
         for name, two in (("gate as printed", False), ("two-sided gate", True))
     }
     chains: dict[str, Prefilter] = {"low-pass alone": low}
-    chains |= {name: _Chain((low, gate)) for name, gate in gates.items()}
+    chains |= {name: low | gate for name, gate in gates.items()}
     out: dict[str, list[Any]] = {}
     for k in range(first, last):
         rng = np.random.default_rng([seed, 44, k])
