@@ -10,8 +10,8 @@ import pytest
 import schuler as sc
 from schuler.alignment import (
     Aligner,
-    Fine,
     Inertial,
+    KalmanAlignment,
     align_windows,
     align_without_latitude,
 )
@@ -100,8 +100,8 @@ def test_every_result_that_says_so_makes_a_report(tmp_path: Path):
 def test_a_campaign_refuses_options_that_its_rows_cannot_hold():
     scenario = load_scenario(Path(__file__).parents[1] / "examples/scenarios/static_base.toml")
     with pytest.raises(InputError, match="options that a campaign's rows cannot hold"):
-        Campaign(scenario, 2, methods=(Fine(passes=3),))
-    assert Campaign(scenario, 2, methods=(Fine(),)).methods == ("kalman",)
+        Campaign(scenario, 2, methods=(KalmanAlignment(passes=3),))
+    assert Campaign(scenario, 2, methods=(KalmanAlignment(),)).methods == ("kalman",)
 
 
 def test_a_dataset_takes_no_unit_that_it_would_pass_over():

@@ -37,7 +37,7 @@ from schuler._version import __version__
 #: No module or subpackage may have the name of one of these: Python binds it in its place.
 _EXPORTS = {
     "schuler.alignment": (
-        "Aligner", "Alignment", "Analytic", "Auto", "Fine", "Gyrocompass", "Inertial",
+        "Aligner", "Alignment", "Analytic", "Auto", "KalmanAlignment", "Gyrocompass", "Inertial",
         "align", "align_windows", "align_without_latitude", "compare", "limit",
     ),
     "schuler.allan_variance": ("allan", "fit_noise"),
@@ -66,9 +66,9 @@ if TYPE_CHECKING:
     from schuler.alignment import Alignment as Alignment
     from schuler.alignment import Analytic as Analytic
     from schuler.alignment import Auto as Auto
-    from schuler.alignment import Fine as Fine
     from schuler.alignment import Gyrocompass as Gyrocompass
     from schuler.alignment import Inertial as Inertial
+    from schuler.alignment import KalmanAlignment as KalmanAlignment
     from schuler.alignment import align as align
     from schuler.alignment import align_windows as align_windows
     from schuler.alignment import align_without_latitude as align_without_latitude

@@ -11,7 +11,7 @@ import pytest
 
 import schuler as sc
 from schuler import _options
-from schuler.alignment import METHODS, Fine, Inertial, Method, parse_method
+from schuler.alignment import METHODS, Inertial, KalmanAlignment, Method, parse_method
 from schuler.alignment.methods import _presets
 from schuler.config import parse_scenario
 from schuler.errors import InputError
@@ -20,9 +20,10 @@ from schuler.prefilter import PREFILTERS, Chain, Gate, LowPass, parse_prefilter
 SITE = sc.Site(50.0)
 
 CHOICES = [
-    *METHODS.values(), Fine(12, "velocity", step=2.5, robust="igg3", adaptive=True, noise=1e-3),
+    *METHODS.values(),
+    KalmanAlignment(12, "velocity", step=2.5, robust="igg3", adaptive=True, noise=1e-3),
     Inertial("optimal", 3, prefilter=LowPass(0.1) | Gate(0.01) | LowPass(zero_phase=True)),
-    Fine(motion_time=1.0 / 3.0, base=False, prefilter=Gate(gravity=9.81)),
+    KalmanAlignment(motion_time=1.0 / 3.0, base=False, prefilter=Gate(gravity=9.81)),
 ]  # fmt: skip
 
 
@@ -42,7 +43,9 @@ def test_a_name_is_the_shortest_text(name):
 
 def test_a_method_in_words_with_units():
     found = parse_method("kalman(12, velocity, step=500 ms, prefilter=lowpass(0.05 Hz) | gate)")
-    assert found == Fine(12, "velocity", step=0.5, prefilter=Chain((LowPass(0.05), Gate())))
+    assert found == KalmanAlignment(
+        12, "velocity", step=0.5, prefilter=Chain((LowPass(0.05), Gate()))
+    )
 
 
 @pytest.mark.parametrize(
@@ -96,7 +99,7 @@ def test_a_scenario_s_methods_are_tables_or_texts():
     chained = {"method": ["centred"], "prefilter": [{"name": "lowpass", "cutoff": "1 Hz"}, "gate"]}
     first = parse_scenario({**plain, "align": table})
     second = parse_scenario({**plain, "align": chained})
-    assert parse_method(first.methods[0]) == Fine(12, "velocity", step=2.0)
+    assert parse_method(first.methods[0]) == KalmanAlignment(12, "velocity", step=2.0)
     assert parse_method(second.methods[0]) == Inertial("centred", prefilter=LowPass(1.0) | Gate())
     with pytest.raises(InputError, match="no option 'stats'"):
         parse_scenario({**plain, "align": {"method": {"name": "kalman", "stats": 12}}})

@@ -46,7 +46,7 @@ def test_theory_of_table_1_to_a_hundredth():
 
 
 def test_two_instants_are_the_estimator_of_the_aligner():
-    """The room's own two instants against `align` on the full simulator, biases and all."""
+    """The module's own two instants against `align` on the full simulator, biases and all."""
     eps = np.array([0.01, -0.02, 0.01]) * DEG_PER_HOUR
     nabla = np.array([100.0, -50.0, 80.0]) * MICRO_G
     made = simulate(Static(59.99, -4.92, 6.18), SITE, 300.0, 10.0, gyro_bias=eps, accel_bias=nabla)

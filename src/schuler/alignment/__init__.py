@@ -1,4 +1,4 @@
-"""Finding the attitude of a standing vehicle, with its uncertainty."""
+"""Finding the attitude of a stationary vehicle, with its uncertainty."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from schuler.alignment.methods import (
     METHODS,
     Analytic,
     Auto,
-    Fine,
     Gyrocompass,
     Inertial,
+    KalmanAlignment,
     parse_method,
 )
 from schuler.alignment.next_position import Fixture, Suggestion, suggest_position
@@ -28,7 +28,7 @@ from schuler.alignment.stationary.error_formulas import (
     inertial_error,
     inertial_frame_error,
 )
-from schuler.alignment.stationary.kalman import FinePass
+from schuler.alignment.stationary.kalman import FilterHistory
 from schuler.alignment.windows import Windows, align_windows
 
 __all__ = [
@@ -40,11 +40,11 @@ __all__ = [
     "Comparison",
     "Convergence",
     "Estimate",
-    "Fine",
-    "FinePass",
+    "FilterHistory",
     "Fixture",
     "Gyrocompass",
     "Inertial",
+    "KalmanAlignment",
     "LatitudeFix",
     "Limit",
     "LiveAligner",

@@ -324,7 +324,7 @@ class Aligner:
             history=h,
             summary=summary,
             why=found.why,
-            passed=found.passed,
+            filter_history=found.filter_history,
             inputs={"record": self._name},
         )
 
@@ -343,7 +343,7 @@ def align(
     Parameters
     ----------
     record : ImuRecord
-        A standing, possibly disturbed vehicle.
+        A stationary, possibly disturbed vehicle.
     site : Site
         Latitude and height.
     method : Method or str, optional

@@ -69,7 +69,7 @@ class Row:
         """Return the row as plain values."""
         return {
             "method": self.method, "prefilter": self.prefilter, "heading_deg": self.heading_deg,
-            "sigma_arcmin": self.sigma_arcmin, "settle_s": self.settle_s,
+            "heading_sigma_arcmin": self.sigma_arcmin, "settle_s": self.settle_s,
             "std_heading_arcmin": self.std_heading_arcmin, "seconds": self.seconds,
             "note": self.note,
         }  # fmt: skip
@@ -97,9 +97,9 @@ class Comparison(Shown):
     rows: tuple[Row, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison with the keys of the JSON schema `schuler.comparison/1`."""
+        """Return the comparison with the keys of the JSON schema `schuler.comparison/2`."""
         return {
-            "schema": "schuler.comparison/1", "record": self.name, "duration_s": self.duration,
+            "schema": "schuler.comparison/2", "record": self.name, "duration_s": self.duration,
             "window_s": self.window, "limit_arcmin": self.limit_arcmin,
             "rows": [row.to_dict() for row in self.rows],
         }  # fmt: skip

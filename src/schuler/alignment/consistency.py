@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from schuler.alignment.axes_consistency import AXES_MARGIN, AxesTest, axes_test, axes_text
 from schuler.alignment.history import History
-from schuler.alignment.stationary.optimal import Joint, NormalEquations
+from schuler.alignment.stationary.optimal import NormalEquations, OptimalAlignment
 from schuler.constants import DEG, DEG_PER_HOUR, EARTH_RATE, MICRO_G
 from schuler.earth import Site
 from schuler.record import Summary
@@ -52,7 +52,7 @@ _HEIGHT_SIGMA = 200.0
 """Of a height that somebody typed in, m."""
 
 _LARGEST_BASE_RATE = 1.0 * DEG_PER_HOUR
-"""More than so much (1-sigma) no standing vehicle yaws over minutes."""
+"""More than so much (1-sigma) no stationary vehicle yaws over minutes."""
 
 _GROSS = 1.0 * DEG_PER_HOUR
 """Without a specification a smaller bias is no contradiction, whatever else would explain it."""
@@ -265,13 +265,13 @@ class _Observable:
 
 
 def earth_rate_test(
-    best: Joint, site: Site, spec: ImuSpec | None, up: Array, north: Array
+    best: OptimalAlignment, site: Site, spec: ImuSpec | None, up: Array, north: Array
 ) -> EarthRateTest:
     """Hold the gyro bias that a record shows against its prior.
 
     Parameters
     ----------
-    best : Joint
+    best : OptimalAlignment
         The optimal estimate.
     site : Site
     spec : ImuSpec or None
@@ -371,7 +371,7 @@ def gravity_test(summary: Summary, site: Site, spec: ImuSpec | None) -> Contradi
 
 
 def check(
-    h: History, best: Joint, summary: Summary, site: Site, spec: ImuSpec | None
+    h: History, best: OptimalAlignment, summary: Summary, site: Site, spec: ImuSpec | None
 ) -> Consistency:
     """Return what contradicts a record, and the gyro bias that its uncertainty must hold.
 
@@ -379,7 +379,7 @@ def check(
     ----------
     h : History
         Not thinned.
-    best : Joint
+    best : OptimalAlignment
         The optimal estimate of it.
     summary : Summary
     site : Site

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from schuler.alignment.method import Problem
 from schuler.alignment.result import Alignment
 from schuler.alignment.stationary.inertial import MINIMUM_ROWS
-from schuler.alignment.stationary.kalman import FinePass
+from schuler.alignment.stationary.kalman import FilterHistory
 from schuler.attitude import nearest_quat, psi_to_heading, quat_to_euler
 from schuler.constants import ARCMIN, DEG
 from schuler.errors import InputError
@@ -47,8 +47,8 @@ def convergence(fix: Alignment, points: int = 60) -> Convergence:
     points : int
         At most so many, spaced evenly in the logarithm of time from a hundredth of the span.
     """
-    if fix.passed is not None:
-        return _of_filter(fix.passed, points)
+    if fix.filter_history is not None:
+        return _of_filter(fix.filter_history, points)
     h, method = fix.history, fix.method.with_prefilter(None)
     wanted = np.geomspace(0.01 * h.duration, h.duration, points)
     rows = np.unique(np.clip(np.searchsorted(h.t, wanted - 1e-9), MINIMUM_ROWS, len(h) - 1))
@@ -73,10 +73,10 @@ def _no_samples() -> ImuRecord:
     raise InputError("a method that needs the samples tells its history itself")
 
 
-def _of_filter(passed: FinePass, points: int) -> Convergence:
+def _of_filter(filter_history: FilterHistory, points: int) -> Convergence:
     """Return what a filter said on its way."""
-    last = len(passed.t) - 1
+    last = len(filter_history.t) - 1
     rows = np.unique(np.round(np.geomspace(1, last + 1, points)).astype(np.int64)) - 1
-    heading = psi_to_heading(quat_to_euler(passed.quaternion[rows])[:, 0]) / DEG
+    heading = psi_to_heading(quat_to_euler(filter_history.quaternion[rows])[:, 0]) / DEG
     heading = heading[-1] + (heading - heading[-1] + 180.0) % 360.0 - 180.0
-    return Convergence(passed.t[rows], heading, passed.sigma[rows, 2] / ARCMIN)
+    return Convergence(filter_history.t[rows], heading, filter_history.sigma[rows, 2] / ARCMIN)

@@ -22,7 +22,7 @@ from schuler.alignment.stationary.disturbance import (
     residual,
 )
 from schuler.alignment.stationary.inertial import MINIMUM_ROWS, solve
-from schuler.alignment.stationary.optimal import Joint, joint
+from schuler.alignment.stationary.optimal import OptimalAlignment, joint
 from schuler.alignment.stationary.uncertainty import (
     Responses,
     analytic_responses,
@@ -93,7 +93,7 @@ def inertial_estimate(method: Inertial, problem: Problem) -> Estimate:
 
 def _inertial(
     method: Inertial, problem: Problem, left: Residual, ratio: float | None, spec: ImuSpec | None,
-    best: Joint | None,
+    best: OptimalAlignment | None,
 ) -> Estimate:  # fmt: skip
     h, site, at_end = problem.history, problem.site, problem.at_end
     biases = bias_covariance = None

@@ -15,8 +15,8 @@ from schuler.prefilter.base import Prefilter
 if TYPE_CHECKING:
     from schuler.alignment.bound import Position
     from schuler.alignment.history import History
-    from schuler.alignment.stationary.kalman import FinePass
-    from schuler.alignment.stationary.optimal import Joint, Linearisation
+    from schuler.alignment.stationary.kalman import FilterHistory
+    from schuler.alignment.stationary.optimal import Linearisation, OptimalAlignment
     from schuler.earth import Site
     from schuler.record import ImuRecord
     from schuler.sensors import ImuSpec
@@ -125,7 +125,7 @@ class Estimate:
         Where they were estimated.
     why : str
         Why the method was chosen, where it was.
-    passed : FinePass or None
+    filter_history : FilterHistory or None
         What a filter said on its way.
     positions : tuple of Position
         The dwells, where there are several.
@@ -142,9 +142,9 @@ class Estimate:
     biases: Array | None = None
     bias_covariance: Array | None = None
     why: str = ""
-    passed: FinePass | None = None
+    filter_history: FilterHistory | None = None
     positions: tuple[Position, ...] = ()
-    best: Joint | None = None
+    best: OptimalAlignment | None = None
 
     @property
     def covariance(self) -> Array:

@@ -14,9 +14,9 @@ __all__ = [
     "METHODS",
     "Analytic",
     "Auto",
-    "Fine",
     "Gyrocompass",
     "Inertial",
+    "KalmanAlignment",
     "parse_method",
 ]
 
@@ -112,7 +112,7 @@ class Auto(Method):
 
 
 @dataclass(frozen=True)
-class Fine(Method):
+class KalmanAlignment(Method):
     """A Kalman filter over the whole record, which is held in memory.
 
     Parameters
@@ -186,16 +186,17 @@ class Fine(Method):
 
     def solve(self, problem: Problem) -> Estimate:
         """See `Method.solve`."""
-        from schuler.alignment.stationary.kalman import fine_alignment
+        from schuler.alignment.stationary.kalman import kalman_alignment
 
         spec = problem.spec
-        fine = fine_alignment(
+        fine = kalman_alignment(
             problem.samples(), problem.history, problem.site, self, spec, problem.at_end
         )
         known = spec is not None
         return Estimate(
             self, fine.attitude, fine.budget, spec=spec, biases=fine.biases if known else None,
-            bias_covariance=fine.bias_covariance if known else None, passed=fine.passed,
+            bias_covariance=fine.bias_covariance if known else None,
+            filter_history=fine.filter_history,
         )  # fmt: skip
 
 
@@ -231,18 +232,20 @@ class Gyrocompass(Method):
         loop = compass_alignment(
             problem.samples(), problem.history, problem.site, self, problem.spec
         )
-        return Estimate(self, loop.attitude, loop.budget, spec=problem.spec, passed=loop.passed)
+        return Estimate(
+            self, loop.attitude, loop.budget, spec=problem.spec, filter_history=loop.filter_history
+        )
 
 
 def _presets() -> dict[str, Method]:
     return {
         "auto": Auto(),
         **{name: Inertial(name) for name in ESTIMATORS},
-        "kalman": Fine(),
-        "kalman-velocity": Fine(12, "velocity"),
-        "kalman-10": Fine(10, "velocity"),
-        "kalman-force": Fine(12, "force"),
-        "kalman-large": Fine(azimuth="large"),
+        "kalman": KalmanAlignment(),
+        "kalman-velocity": KalmanAlignment(12, "velocity"),
+        "kalman-10": KalmanAlignment(10, "velocity"),
+        "kalman-force": KalmanAlignment(12, "force"),
+        "kalman-large": KalmanAlignment(azimuth="large"),
         "gyrocompass": Gyrocompass(),
         "analytic": Analytic(),
         "analytic-earth-rate": Analytic("earth-rate"),

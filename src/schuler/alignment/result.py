@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from schuler._notebook import Shown, bar, card
 from schuler.alignment.history import History
 from schuler.alignment.method import Method
-from schuler.alignment.stationary.kalman import FinePass
+from schuler.alignment.stationary.kalman import FilterHistory
 from schuler.attitude import heading_sigma, psi_to_heading, quat_to_euler
 from schuler.constants import ARCMIN, DEG
 from schuler.earth import Site
@@ -81,7 +81,7 @@ class Alignment(Shown):
         What the record looks like.
     why : str
         Why the method was chosen, where it was.
-    passed : FinePass or None
+    filter_history : FilterHistory or None
         What a Kalman filter said after each step.
     inputs : dict of str to str
         What is needed to do the same again.
@@ -106,7 +106,7 @@ class Alignment(Shown):
     history: History = field(repr=False)
     summary: Summary = field(repr=False)
     why: str = ""
-    passed: FinePass | None = field(default=None, repr=False)
+    filter_history: FilterHistory | None = field(default=None, repr=False)
     contradictions: tuple[str, ...] = ()
     inputs: dict[str, str] = field(default_factory=dict, repr=False)
 
@@ -232,8 +232,8 @@ class Alignment(Shown):
             "budget_arcmin2": self.budget_arcmin2,
             "gyro_bias_deg_h": plain(self.gyro_bias, DEG_PER_HOUR),
             "gyro_bias_sigma_deg_h": plain(None if sigma is None else sigma[:3], DEG_PER_HOUR),
-            "accel_bias_ug": plain(self.accel_bias, MICRO_G),
-            "accel_bias_sigma_ug": plain(None if sigma is None else sigma[3:], MICRO_G),
+            "accelerometer_bias_ug": plain(self.accel_bias, MICRO_G),
+            "accelerometer_bias_sigma_ug": plain(None if sigma is None else sigma[3:], MICRO_G),
             "warnings": list(self.warnings),
             "assumed": [v for k, v in self.inputs.items() if k.startswith("assumed ")],
         }

@@ -88,7 +88,7 @@ __all__ = ["command"]
 @json_option()
 @report_option("Write an interactive report.")
 def command(**options: Any) -> int:
-    """Find the heading, pitch and roll of a standing vehicle from FILE (- : standard input).
+    """Find the heading, pitch and roll of a stationary vehicle from FILE (- : standard input).
 
     \b
       schuler align truck.imu --lat 34.246 --lon 108.91 --height 380

@@ -1,4 +1,4 @@
-"""The command ``schuler navigate``: by inertia alone, from a start to an end."""
+"""The command ``schuler navigate``: by free-inertial navigation, from a start to an end."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ __all__ = ["command"]
 @json_option()
 @report_option("Write an interactive report.")
 def command(**options: Any) -> int:
-    """Navigate FILE by inertia alone (- : standard input), from a known start.
+    """Navigate FILE free-inertially (- : standard input), from a known start.
 
     \b
       schuler navigate flight.csv --lat 34.2 --lon 108.9 --height 100 --heading 40 --velocity 38,46,0
@@ -221,7 +221,7 @@ def _data(
 ) -> dict[str, Any]:  # fmt: skip
     begin = path.rows(slice(0, 1)).final
     return {
-        "schema": "schuler.navigation/1",
+        "schema": "schuler.navigation/2",
         "schuler": __version__,
         "file": str(source.path),
         "read_as": source.meaning,
@@ -235,14 +235,16 @@ def _data(
             "consistent": fix.consistent,
             "contradictions": list(fix.contradictions),
             "heading_deg": float(fix.heading_deg),
-            "sigma_arcmin": [float(v) for v in fix.sigma_arcmin],
+            "sigma_arcmin": dict(
+                zip(("east", "north", "up"), map(float, fix.sigma_arcmin), strict=True)
+            ),
         },
         "error": None if evaluation is None else evaluation.to_dict(),
     }  # fmt: skip
 
 
 def _print(path: Trajectory, evaluation: Evaluation | None) -> None:
-    echo(f"{path.name}: {path.time[-1] - path.time[0]:.6g} s by inertia alone")
+    echo(f"{path.name}: {path.time[-1] - path.time[0]:.6g} s by free-inertial navigation")
     echo(str(path))
     if evaluation is None:
         return

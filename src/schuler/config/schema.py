@@ -94,7 +94,7 @@ class AlignTable(Strict):
 
 
 class ScenarioFile(Strict):
-    """A scenario file; instruments are checked apart, by the room that knows them."""
+    """A scenario file; instruments are checked apart, by the module that knows them."""
 
     name: str | None = None
     about: str = ""

@@ -351,7 +351,7 @@ def navigate(
     subsamples: int | None = None,
     array: SensorArray | str | None = None,
 ) -> Trajectory:
-    """Navigate a record by inertia alone.
+    """Navigate a record without aiding (free-inertial).
 
     Parameters
     ----------

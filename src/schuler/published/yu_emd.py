@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.alignment import Fine, Inertial, Method, align
+from schuler.alignment import Inertial, KalmanAlignment, Method, align
 from schuler.alignment.compare import settle_time
 from schuler.earth import Site
 from schuler.motion import DisturbedVehicle
@@ -48,7 +48,7 @@ def methods(stop: float) -> dict[str, Method | None]:
     out: dict[str, Method | None] = {}
     for name, emd in filters.items():
         out[f"TRIAD: {name}"] = Inertial("integral-triad", prefilter=emd)
-        out[f"Kalman: {name}"] = Fine(10, "velocity", prefilter=emd)
+        out[f"Kalman: {name}"] = KalmanAlignment(10, "velocity", prefilter=emd)
     return {**out, "default": None}
 
 

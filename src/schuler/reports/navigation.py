@@ -62,7 +62,7 @@ def navigation_report(path: Trajectory, evaluation: Evaluation | None, to: str |
         ):
             rows.append((name, ", ".join(f"{v:.4g}" for v in sigma[key]) + f" {unit}"))
     sections = [Section("Where it went", drawings=[_track(path), _height(path)])]
-    value = "by inertia alone"
+    value = "by free-inertial navigation"
     sub = f"{path.time[-1] - path.time[0]:.6g} s; no reference was given"
     if evaluation is not None:
         e = evaluation.to_dict()

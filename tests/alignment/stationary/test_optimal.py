@@ -1,4 +1,4 @@
-"""The optimal estimate: beside the limit, on any base, with biases and honest covariances."""
+"""The optimal estimate: beside the limit, on any base, with biases and consistent covariances."""
 
 from __future__ import annotations
 
