@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from schuler.alignment.axes_consistency import AXES_MARGIN, AxesTest, axes_test, axes_text
 from schuler.alignment.history import History
 from schuler.alignment.stationary.normal_equations import NormalEquations
-from schuler.alignment.stationary.optimal import Joint
+from schuler.alignment.stationary.optimal import OptimalAlignment
 from schuler.constants import DEG, DEG_PER_HOUR, EARTH_RATE, MICRO_G
 from schuler.earth import Site
 from schuler.record import Summary
@@ -233,13 +233,13 @@ class _Observable:
 
 
 def earth_rate_test(
-    best: Joint, site: Site, spec: ImuSpec | None, up: Array, north: Array
+    best: OptimalAlignment, site: Site, spec: ImuSpec | None, up: Array, north: Array
 ) -> EarthRateTest:
     """Hold the gyro bias that a record shows against its prior.
 
     Parameters
     ----------
-    best : Joint
+    best : OptimalAlignment
         The optimal estimate.
     site : Site
     spec : ImuSpec or None
@@ -339,7 +339,7 @@ def gravity_test(summary: Summary, site: Site, spec: ImuSpec | None) -> Contradi
 
 
 def check(
-    h: History, best: Joint, summary: Summary, site: Site, spec: ImuSpec | None
+    h: History, best: OptimalAlignment, summary: Summary, site: Site, spec: ImuSpec | None
 ) -> Consistency:
     """Return what contradicts a record, and the gyro bias that its uncertainty must hold.
 
@@ -347,7 +347,7 @@ def check(
     ----------
     h : History
         Not thinned.
-    best : Joint
+    best : OptimalAlignment
         The optimal estimate of it.
     summary : Summary
     site : Site

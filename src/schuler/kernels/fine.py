@@ -1,4 +1,4 @@
-"""Fine alignment of a standing vehicle by a Kalman filter, in one pass over the samples.
+"""Fine alignment of a stationary vehicle by a Kalman filter, in one pass over the samples.
 
 The filter works in ENU at a fixed place. The error states come in blocks of three:
 

@@ -16,7 +16,7 @@ from schuler.alignment.history import History, inertial_to_local
 from schuler.alignment.methods import Gyrocompass
 from schuler.alignment.stationary.disturbance import disturbance_levels, residual
 from schuler.alignment.stationary.inertial import solve
-from schuler.alignment.stationary.kalman import FinePass, FineResult, vehicle_motion
+from schuler.alignment.stationary.kalman import FilterHistory, KalmanResult, vehicle_motion
 from schuler.attitude import nearest_quat, quat_to_matrix
 from schuler.constants import DEG
 from schuler.earth import Site
@@ -58,7 +58,7 @@ def _system(gains: Array, g: float, rate: Array) -> Array:
 
 def compass_alignment(
     record: ImuRecord, h: History, site: Site, method: Gyrocompass, spec: ImuSpec | None
-) -> FineResult:
+) -> KalmanResult:
     """Return the attitude at the end by the gyrocompass loop.
 
     Parameters
@@ -152,7 +152,7 @@ def compass_alignment(
     rows = np.searchsorted(record.time, record.start + step * np.arange(1, len(sigma) + 1) - 1e-9)
     rows = np.minimum(rows, len(record) - 1)
     none = np.zeros((len(rows), 3))
-    passed = FinePass(
+    passed = FilterHistory(
         out[rows, 0] - record.start, out[rows, 1:], np.array(sigma), none, none, np.zeros(len(rows))
     )
-    return FineResult(attitude, budget, np.zeros(6), np.zeros((6, 6)), passed, 0, 0)
+    return KalmanResult(attitude, budget, np.zeros(6), np.zeros((6, 6)), passed, 0, 0)

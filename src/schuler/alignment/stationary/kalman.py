@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.history import History, inertial_to_local
-from schuler.alignment.methods import Fine
+from schuler.alignment.methods import KalmanAlignment
 from schuler.alignment.stationary.inertial import solve
-from schuler.alignment.stationary.optimal import Joint, joint
+from schuler.alignment.stationary.optimal import OptimalAlignment, joint
 from schuler.attitude import (
     multiply,
     nearest_quat,
@@ -34,7 +34,7 @@ from schuler.errors import InputError
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
 
-__all__ = ["FinePass", "FineResult", "fine_alignment", "vehicle_motion"]
+__all__ = ["FilterHistory", "KalmanResult", "kalman_alignment", "vehicle_motion"]
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ _LEVER, _BASE = 1.0, 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class FinePass:
+class FilterHistory:
     """What the filter said after each step.
 
     Parameters
@@ -85,7 +85,7 @@ class FinePass:
 
 
 @dataclass(frozen=True, eq=False)
-class FineResult:
+class KalmanResult:
     """A fine alignment.
 
     Parameters
@@ -96,7 +96,7 @@ class FineResult:
         Covariance of phi by source, rad^2.
     biases, bias_covariance : (6,), (6, 6) float64 or None
         None for a large azimuth: there the gyro biases are part of the rate that shows north.
-    passed : FinePass
+    filter_history : FilterHistory
         The last pass.
     refused, weighed : int
         Measurements that a robust filter refused or weighed down.
@@ -106,7 +106,7 @@ class FineResult:
     budget: dict[str, Array]
     biases: Array | None
     bias_covariance: Array | None
-    passed: FinePass
+    filter_history: FilterHistory
     refused: int
     weighed: int
 
@@ -151,10 +151,10 @@ class _Filter:
 class _Setting:
     """What all passes over a record share."""
 
-    known: Joint
+    known: OptimalAlignment
     motion: tuple[float, float, float]
     site: Site
-    method: Fine
+    method: KalmanAlignment
     spec: ImuSpec | None
     every: int
     to_correct: tuple[bool, bool]
@@ -298,9 +298,14 @@ def vehicle_motion(h: History, r: Array, site: Site, step: float) -> tuple[float
     return float(np.mean(quick**2)), float(np.mean(place**2)), float(np.mean(turn**2))
 
 
-def fine_alignment(
-    record: ImuRecord, h: History, site: Site, method: Fine, spec: ImuSpec | None, at_end: bool
-) -> FineResult:
+def kalman_alignment(
+    record: ImuRecord,
+    h: History,
+    site: Site,
+    method: KalmanAlignment,
+    spec: ImuSpec | None,
+    at_end: bool,
+) -> KalmanResult:
     """Return the fine alignment of a record.
 
     Parameters
@@ -310,7 +315,7 @@ def fine_alignment(
     h : History
         The pass over them, for the start and for what moves.
     site : Site
-    method : Fine
+    method : KalmanAlignment
     spec : ImuSpec or None
         Without one the noise is that of the record, and biases are taken for nothing.
     at_end : bool
@@ -351,20 +356,20 @@ def fine_alignment(
     budget = {
         name: part[:3, :3] for name, part in zip(_PARTS, f.parts, strict=True) if part[2, 2] > 0
     }
-    return FineResult(
+    return KalmanResult(
         quat_to_matrix(f.quaternion), budget, f.biases, f.p[6:12, 6:12], _passed(out, record),
         int(f.state[37]), int(f.state[38]),
     )  # fmt: skip
 
 
-def _passed(out: Array, record: ImuRecord) -> FinePass:
-    return FinePass(
+def _passed(out: Array, record: ImuRecord) -> FilterHistory:
+    return FilterHistory(
         out[:, 0] - record.start, out[:, 1:5], np.sqrt(out[:, 8:11]), out[:, 11:14], out[:, 14:17],
         out[:, 17],
     )  # fmt: skip
 
 
-def _smoothed(setting: _Setting, record: ImuRecord, q: Array, biases: Array) -> FineResult:
+def _smoothed(setting: _Setting, record: ImuRecord, q: Array, biases: Array) -> KalmanResult:
     """Return the attitude at the start, by the smoother; twice, as errors are then linear."""
     from schuler.kernels.kalman import smooth
 
@@ -381,7 +386,7 @@ def _smoothed(setting: _Setting, record: ImuRecord, q: Array, biases: Array) -> 
         q = np.asarray(multiply(rotvec_to_quat(x0[:3]), q))
         biases = biases + x0[6:12]
     covariance = 0.5 * (p0[:3, :3] + p0[:3, :3].T)
-    return FineResult(
+    return KalmanResult(
         quat_to_matrix(q), {"all_sources": covariance}, biases, p0[6:12, 6:12],
         _passed(out, record), int(f.state[37]), int(f.state[38]),
     )  # fmt: skip
@@ -399,7 +404,7 @@ def _levelled(record: ImuRecord) -> Array:
     return np.asarray(rotvec_to_quat(axis / size * np.arctan2(size, up[2])))
 
 
-def _wandering(setting: _Setting, record: ImuRecord, q: Array, at_end: bool) -> FineResult:
+def _wandering(setting: _Setting, record: ImuRecord, q: Array, at_end: bool) -> KalmanResult:
     """Return the alignment in level axes of unknown azimuth: linear however large that is.
 
     The horizontal Earth rate in these axes is a state; north is where it points.
@@ -438,9 +443,9 @@ def _wandering(setting: _Setting, record: ImuRecord, q: Array, at_end: bool) -> 
     passed = _passed(out, record)
     sides = np.column_stack([np.cos(azimuth), -np.sin(azimuth)])
     across = np.sqrt(np.sum(sides**2 * out[:, 18:20], axis=1)) / north
-    passed = FinePass(
+    passed = FilterHistory(
         passed.t, np.asarray(multiply(turn, passed.quaternion)),
         np.column_stack([passed.sigma[:, :2], np.hypot(across, sigma / north)]),
         np.full_like(passed.gyro_bias, np.nan), passed.accel_bias, passed.innovation,
     )  # fmt: skip
-    return FineResult(attitude, budget, None, None, passed, int(f.state[37]), int(f.state[38]))
+    return KalmanResult(attitude, budget, None, None, passed, int(f.state[37]), int(f.state[38]))

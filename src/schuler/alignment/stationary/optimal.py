@@ -51,7 +51,7 @@ from schuler.earth import Site
 from schuler.kernels.states import TrackerNode
 from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
 
-__all__ = ["Joint", "Linearisation", "joint"]
+__all__ = ["Linearisation", "OptimalAlignment", "joint"]
 
 Array = NDArray[np.float64]
 
@@ -129,7 +129,7 @@ class Linearisation:
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class OptimalAlignment:
     """The optimal estimate.
 
     Parameters
@@ -269,7 +269,7 @@ the attitude of each dwell (3)."""
 def joint(
     h: History, site: Site, spec: ImuSpec | None, *, about: Linearisation | None = None,
     free_latitude: bool = False,
-) -> Joint:  # fmt: skip
+) -> OptimalAlignment:  # fmt: skip
     """Return the optimal estimate of a history.
 
     Parameters
@@ -339,7 +339,7 @@ def joint(
         gain_a[:, :3], gain_v[:, :3], local, series.mean_sway, base_rate * by_base[:3]
     )
     end = Answer.from_gains(end_a, end_v, local, series.mean_sway, base_rate * by_base[-3:])
-    return Joint(
+    return OptimalAlignment(
         about, r, biases + np.concatenate([removed, np.zeros(3)]), covariance[:9, :9], start, end,
         found[:3] - at_end, levels, h, attitude,
         dwells, _share(series, gain_a, gain_v, local[m // 2, 2]), series.sway_levels,
