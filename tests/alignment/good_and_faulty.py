@@ -162,7 +162,7 @@ def spoiled(case: Case, fault: str, seed: int) -> tuple[ImuRecord, Site]:
         axis = rng.normal(size=3)
         dtheta = dtheta + 30.0 * spec.gyro.bias * axis / np.linalg.norm(axis) * dt
     elif fault.startswith("bias"):
-        axes = quat_to_matrix(case.made.truth.quaternion)[:-1]
+        axes = quat_to_matrix(case.made.truth.quat_nb)[:-1]
         axis = axes[:, 1 if fault.endswith("north") else 2].mean(axis=0)
         noise = spec.gyro.angle_random_walk / np.sqrt(record.duration)
         size = 5.0 * np.hypot(spec.gyro.bias, noise) * rng.choice([-1.0, 1.0])
