@@ -278,7 +278,7 @@ class NorthLocked:
 
 
 def carrier_attitude(imu: ArrayLike, encoder: ArrayLike) -> Array:
-    """Return the carrier's q_b^n from the IMU's and the table's angles.
+    """Return the carrier's quat_nb from the IMU's and the table's angles.
 
     Parameters
     ----------
