@@ -97,11 +97,12 @@ def test_every_result_that_says_so_makes_a_report(tmp_path: Path):
         assert there.stat().st_size > 10_000
 
 
-def test_a_campaign_refuses_options_that_its_rows_cannot_hold():
+def test_a_campaign_holds_a_method_with_options_as_its_text():
     scenario = load_scenario(Path(__file__).parents[1] / "examples/scenarios/static_base.toml")
-    with pytest.raises(InputError, match="options that a campaign's rows cannot hold"):
-        Campaign(scenario, 2, methods=(KalmanAlignment(passes=3),))
-    assert Campaign(scenario, 2, methods=(KalmanAlignment(),)).methods == ("kalman",)
+    campaign = Campaign(scenario, 2, methods=(KalmanAlignment(passes=3), "kalman"))
+    assert campaign.methods == ("kalman(passes=3)", "kalman")
+    with pytest.raises(InputError, match="named twice"):
+        Campaign(scenario, 2, methods=(KalmanAlignment(), "kalman"))
 
 
 def test_a_dataset_takes_no_unit_that_it_would_pass_over():
