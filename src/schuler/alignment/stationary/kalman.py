@@ -67,7 +67,7 @@ class FilterHistory:
     t : (k,) float64
         s since the start of the record.
     quaternion : (k, 4) float64
-        q_b^n.
+        quat_nb.
     sigma : (k, 3) float64
         Of phi, rad.
     gyro_bias, accel_bias : (k, 3) float64
@@ -138,7 +138,7 @@ class _Filter:
 
     @property
     def quaternion(self) -> Array:
-        """q_b^n now, without the error that is known."""
+        """quat_nb now, without the error that is known."""
         return np.asarray(multiply(rotvec_to_quat(self.x[:3]), self.state[1:5]))
 
     @property
