@@ -329,12 +329,14 @@ class ErrorStateFilter:
         from schuler.attitude import quat_to_matrix
 
         s = self._state
-        up = quat_to_matrix(s[kernel.QUAT_NE : kernel.QUAT_NE + 4])[:, 2]
+        frame = quat_to_matrix(s[kernel.QUAT_NE : kernel.QUAT_NE + 4])
+        up = frame[:, 2]
+        lat, lon = np.arctan2(up[2], np.hypot(up[0], up[1])), np.arctan2(up[1], up[0])
+        x, y, _ = frame.T @ [-np.sin(lon), np.cos(lon), 0.0]
         return State(
             self.time, self.quat_nb, self.v_n, s[kernel.RATE_B : kernel.RATE_B + 3].copy(),
-            float(np.arctan2(up[2], np.hypot(up[0], up[1]))), float(np.arctan2(up[1], up[0])),
-            float(s[kernel.HEIGHT]), {name: self.parameter(name) for name in self._parameters()},
-            self.layout, index,
+            float(lat), float(lon), float(s[kernel.HEIGHT]), float(np.arctan2(y, x)),
+            {name: self.parameter(name) for name in self._parameters()}, self.layout, index,
         )  # fmt: skip
 
     def _parameters(self) -> list[str]:

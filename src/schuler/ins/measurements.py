@@ -399,6 +399,8 @@ class State:
         Angular rate of the body, without the estimated bias, rad/s.
     lat, lon, height : float
         rad and m.
+    east : float
+        Angle from the x axis of n to east, counter-clockwise, rad: zero at the start.
     parameters : dict of str to array
         Estimates of all other groups.
     layout : Layout
@@ -414,6 +416,7 @@ class State:
     lat: float
     lon: float
     height: float
+    east: float
     parameters: Mapping[str, Array]
     layout: Layout
     index: int
