@@ -67,6 +67,7 @@ def test_a_record(record):
     assert "4 axes, not fused" in shown(four)
 
 
+@pytest.mark.compiled
 def test_an_alignment_with_its_budget(record):
     fix = sc.align(record, SITE, "kalman", "navigation-fog")
     text = shown(fix)

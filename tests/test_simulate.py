@@ -113,6 +113,7 @@ def test_angles_integrate_back(kind):
     assert off < 5e-9
 
 
+@pytest.mark.compiled
 def test_forces_integrate_back():
     """The forces in i0 make gravity's integral and the velocity of the displacement, no more."""
     motion, duration, rate = vehicle(), 20.0, 400.0
@@ -171,6 +172,7 @@ def test_biases_come_out():
     np.testing.assert_array_equal(made.accel_bias, accel)
 
 
+@pytest.mark.compiled
 def test_drawn_errors_have_their_size():
     """Biases over 400 draws, noise over 20 000 samples: five standard deviations of each rms."""
     site, still = SITE, Static(30.0)

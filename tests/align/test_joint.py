@@ -149,3 +149,34 @@ def test_dwells():
     assert find_dwells(q, steady) == ((21, 40),)
     spin = rotvec_to_quat(np.column_stack([np.zeros((40, 2)), 0.1 * np.arange(40)]))
     assert find_dwells(spin, np.full(40, True)) == ()
+
+
+def test_the_last_dwell_shows_the_level_at_the_end():
+    """Two tilted positions: what the accelerometers say last corrects what the gyros carried."""
+    spec = ImuSpec.from_dict(
+        {
+            "gyro": {"bias": "0.1 deg/h", "angle_random_walk": "0.01 deg/sqrt(h)"},
+            "accelerometer": {"bias": "100 ug", "velocity_random_walk": "20 ug/sqrt(Hz)"},
+        }
+    )
+    turns = [Turn("psi", 70.0), Turn("theta", -40.0), Turn("gamma", 43.0)]
+    table = Turntable([Dwell(100.0), *turns, Dwell(100.0)], (100.0, 5.0, -3.0))
+    duration, site, runs = 200.0 + sum(turn.time for turn in turns), Site(-28.0), 12
+    for method in ("auto", "kalman-10"):
+        nees, tilt = [], []
+        for seed in range(runs):
+            rng = np.random.default_rng([seed, 9])
+            made = simulate(table, site, duration, 20.0, spec, rng)
+            fix = align(made.record, site, method, spec)
+            back = fix.quaternion * [1.0, -1.0, -1.0, -1.0]
+            phi = quat_to_rotvec(multiply(made.truth.quaternion[-1], back))
+            assert fix.consistent
+            assert not any("mean |w|" in text for text in fix.warnings)
+            # The bound is that of both positions.
+            assert fix.limit_arcmin[2] < 1.3 * fix.sigma_arcmin[2]
+            nees.append(phi @ np.linalg.solve(fix.covariance, phi))
+            tilt.append(phi[:2] / ARCMIN)
+        # The turn that the gyros carried is known to 0.14' only.
+        assert np.sqrt(np.mean(np.square(tilt))) < 0.1
+        low, high = band(runs, 3)
+        assert 0.7 * low < np.mean(nees) < high

@@ -137,6 +137,7 @@ def test_angles_turn_as_the_matrix_does(rng):
         np.testing.assert_allclose((ahead - back) / (2 * h), -cross.T @ c, atol=1e-8)
 
 
+@pytest.mark.compiled
 def test_sensitivities_are_finite_differences_of_the_simulated_outputs():
     """The information of one position, from outputs of the nonlinear plant moved a little."""
     plant = Plant(attitude_prior=1e-9)

@@ -13,6 +13,9 @@ from schuler.kernels._cache import CACHE_FOLDER
 USE = "from schuler.earth import gravity; print(f'{float(gravity(0.5)):.12f}')"
 EXPECTED = "9.7922046448"  # Somigliana at 0.5 rad
 
+# Each test compiles in processes of its own, whatever this one does.
+pytestmark = pytest.mark.compiled
+
 
 def cached(folder):
     """Return the compiled kernels below a folder."""

@@ -100,6 +100,7 @@ CASES = {
 }  # fmt: skip
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("name", list(CASES))
 def test_every_motion_is_consistent(name):
     motion, angle_bound, speed_bound = CASES[name]

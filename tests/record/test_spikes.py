@@ -95,6 +95,7 @@ def test_good_records_have_none():
         assert found(record) == [], seed
 
 
+@pytest.mark.compiled
 def test_both_gyro_channels_of_a_row_may_be_bad():
     record = made("crew", 5)
     bad = spoilt(spoilt(record, 777, 0, 0.3 * DEG), 777, 2, -2.0 * DEG)

@@ -183,6 +183,7 @@ def test_gyros_and_accelerometers_that_do_not_share_axes():
 RATES = Reading("rates", "rad/s", "m/s^2")
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("reading", "change", "words", "never"),
     [
@@ -272,6 +273,7 @@ def test_a_wrong_unit_moves_nothing():
         assert not summary_of(changed(standing(100), **change)).turned
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("repeats", [1, 5])
 def test_noise_is_that_of_the_values_as_they_came(repeats):
     """White rates at 100 Hz, also where a file holds each five times: 0.3 deg/sqrt(h), to 2 %."""

@@ -560,6 +560,7 @@ def test_the_published_test_set_as_instantaneous_rates(kind, want, size):
     np.testing.assert_allclose(found.deviation[:, 0], want, rtol=2e-7)
 
 
+@pytest.mark.compiled
 def test_white_rates_are_white_whatever_integrates_them():
     rng = np.random.default_rng(5)
     record = rates_of(0.05 * rng.normal(size=30_000))
@@ -569,6 +570,7 @@ def test_white_rates_are_white_whatever_integrates_them():
     assert allan(coloured).deviation[0, 0] == pytest.approx(0.0319, rel=0.01)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("kind", ["rates", "mean-rates", "increments"])
 @pytest.mark.parametrize("size", [10**6, 999])
 def test_values_that_repeat_are_taken_once(kind, size):
@@ -613,6 +615,7 @@ def test_a_steady_drift_is_a_term_of_its_own(kind):
     assert 0.4 < np.sqrt(np.mean(np.square(z))) < 1.6
 
 
+@pytest.mark.compiled
 def test_without_a_drift_no_ramp_is_found():
     """24 channels of white noise: at one false term in 700, none."""
     rng = np.random.default_rng(9)

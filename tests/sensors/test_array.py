@@ -93,6 +93,7 @@ def test_known_bias_and_scale_are_taken_out():
     np.testing.assert_allclose(a.fuse(a.measure(record)).dtheta, record.dtheta, atol=1e-15)
 
 
+@pytest.mark.compiled
 def test_records_of_arrays_flow_through_align_and_navigate():
     import schuler as sc
 

@@ -132,6 +132,7 @@ def data(array, fault, seed=0, seconds=200.0, sigma=1e-6):
     return time, fault.apply(time, dt, clean, sigma, rng), clean
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(
     "fault",
     [

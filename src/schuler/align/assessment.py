@@ -92,6 +92,9 @@ def assess(
             "the record's values fix no attitude that could be tested: check its columns, units "
             "and rows (schuler info shows them)"
         ) from None
+    if len(best.dwells) > 1 and not found.positions:
+        # Whatever the method, the bound is that of all positions.
+        found = replace(found, positions=tuple(best.positions(site)))
     notes: list[str] = []
     if result.least_bias > EARTH_RATE * np.cos(site.latitude):
         found = _level_only(h, summary, site, spec)

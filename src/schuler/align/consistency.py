@@ -10,22 +10,16 @@ where nothing shows it, with the size that the turns about the level axes have (
 yaws about as much as it tilts). What is left of the gyro bias then contradicts the specification
 where the chi-square of its observable part (eigenvectors of P0 - P) is beyond chance. Without a
 specification, the least bias that explains the record becomes part of the uncertainty.
-
-Axes. On a base that moves, the force turns in the body as the gyros say: for low frequencies
-f = f0 - theta x f0 + a, with an acceleration `a` of unknown spectrum and a lever arm that adds
-a part proportional to frequency squared. The likelihood of this, with the acceleration's spectrum
-estimated in bands, is compared over all 48 ways of naming the gyros' axes.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.align.axes_consistency import AXES_MARGIN, AxesTest, axes_test, axes_text
 from schuler.align.history import History
 from schuler.align.joint import Joint, NormalEquations
 from schuler.constants import DEG, DEG_PER_HOUR, EARTH_RATE, MICRO_G
@@ -35,11 +29,9 @@ from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
 
 __all__ = [
     "FALSE_ALARM",
-    "AxesTest",
     "Consistency",
     "Contradiction",
     "EarthRateTest",
-    "axes_test",
     "check",
     "earth_rate_test",
     "gravity_test",
@@ -64,12 +56,6 @@ _LARGEST_BASE_RATE = 1.0 * DEG_PER_HOUR
 
 _GROSS = 1.0 * DEG_PER_HOUR
 """Without a specification a smaller bias is no contradiction, whatever else would explain it."""
-
-_AXES_MARGIN = 15.0
-"""Log likelihood by which another naming of the axes must be better."""
-
-_HIGHEST = 1.0
-"""Frequency (Hz) up to which the force is looked at: above, a vehicle's shaking hides its tilt."""
 
 
 @dataclass(frozen=True)
@@ -120,25 +106,6 @@ class EarthRateTest:
     base_rate: float
     accel_probability: float
     accel_bias: float
-
-
-@dataclass(frozen=True)
-class AxesTest:
-    """Whether the force turns in the body as the gyros say.
-
-    Parameters
-    ----------
-    margin : float
-        Log likelihood of the best naming of the gyros' axes over the given one.
-    axes : str
-        The best naming, as ``-x,-y,-z``; ``x,y,z`` where the given one is the best.
-    mirrored : bool
-        Whether both triads in a mirror would fit as well: it looks like gyros of the other sign.
-    """
-
-    margin: float
-    axes: str
-    mirrored: bool
 
 
 @dataclass(frozen=True)
@@ -400,112 +367,6 @@ def gravity_test(summary: Summary, site: Site, spec: ImuSpec | None) -> Contradi
     )
 
 
-# -- axes ------------------------------------------------------------------------------
-
-
-@lru_cache(maxsize=1)
-def _namings() -> tuple[Array, tuple[str, ...]]:
-    """Return the 48 signed permutations (48, 3, 3), the identity first, and their names."""
-    found, names = [], []
-    for order in permutations(range(3)):
-        for signs in product((1.0, -1.0), repeat=3):
-            matrix = np.zeros((3, 3))
-            matrix[range(3), order] = signs
-            found.append(matrix)
-            names.append(
-                ",".join(
-                    f"{'-' if s < 0 else ''}{'xyz'[k]}" for k, s in zip(order, signs, strict=True)
-                )
-            )
-    return np.array(found), tuple(names)
-
-
-def axes_test(h: History) -> AxesTest | None:
-    """Compare how the force turns in the body with the gyros, over all namings of their axes.
-
-    Parameters
-    ----------
-    h : History
-
-    Returns
-    -------
-    AxesTest, or None for a record with too few nodes.
-    """
-    dt = np.diff(h.t)
-    n = len(dt)
-    if n < 64:
-        return None
-    step = float(dt.mean())
-    angle = np.diff(h.rows[:, 30:33], axis=0)
-    force = np.diff(h.rows[:, 33:36], axis=0) / dt[:, None]
-    theta = np.cumsum(angle, axis=0) - 0.5 * angle
-    # A parabola is a bias and a drift; it would leak into all frequencies.
-    trend, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, n), 3))
-    window = np.hanning(n)[:, None] / np.sqrt(0.375 * n)
-    frequency = np.fft.rfftfreq(n, step)
-    used = (frequency >= 3.0 / (n * step)) & (frequency <= min(_HIGHEST, 0.2 / step))
-    if used.sum() < 12:
-        return None
-    mean = force.mean(axis=0)
-    up = mean / np.linalg.norm(mean)
-    first = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
-    level = np.stack([first, np.cross(up, first)], axis=1)
-    level /= np.linalg.norm(level, axis=0)
-
-    def spectrum(x: Array) -> NDArray[np.complex128]:
-        return np.asarray(np.fft.rfft((x - trend @ (trend.T @ x)) * window, axis=0)[used])
-
-    turned, seen = spectrum(theta), spectrum((force - mean) @ level)
-    f = np.asarray(frequency[used], np.float64)
-    bands = np.unique(np.round(np.geomspace(4, len(f) + 4, max(3, int(len(f) ** 0.5)) + 1))) - 4
-    edges = bands.astype(np.int64)
-    edges[0] = 0
-    namings, names = _namings()
-    # -theta x f for each naming: (48, k, 2) in one product.
-    turns = np.einsum("kc,mac,ab->mkb", turned, namings, -_cross_matrix(mean) @ level)
-    # Two more candidates: both triads in a mirror; and no turn at all, the gyros show their noise.
-    turns = np.concatenate([turns, -turns[:1], np.zeros_like(turns[:1])])
-    log = _log_likelihood(turns, seen, f, edges)
-    best = int(np.argmax(log[:-2]))
-    margin = float(log[best] - max(log[0], log[-1]))
-    if margin < _AXES_MARGIN:
-        return AxesTest(max(margin, 0.0), names[0], mirrored=False)
-    return AxesTest(margin, names[best], mirrored=bool(log[-2] > log[best] - 3.0))
-
-
-def _cross_matrix(f: Array) -> Array:
-    """Return M with theta @ M = theta x f."""
-    return np.array([[0.0, -f[2], f[1]], [f[2], 0.0, -f[0]], [-f[1], f[0], 0.0]])
-
-
-def _log_likelihood(
-    turns: NDArray[np.complex128], seen: NDArray[np.complex128], f: Array, edges: NDArray[np.int64]
-) -> Array:
-    """Return the log likelihood (k,) of the force for k turns, its noise estimated in bands.
-
-    The lever arm's part, proportional to frequency squared, is fitted for each naming.
-    """
-    counts = np.diff(edges)
-    lever = (f**2)[None, :, None] * turns
-    left = seen[None] - turns
-    out = np.zeros(len(turns))
-    for last in (False, False, True):
-        power = np.add.reduceat(np.sum(np.abs(left) ** 2, axis=2), edges[:-1], axis=1) / (
-            2.0 * counts
-        )
-        power = np.maximum(power, 1e-300)
-        if last:
-            # A Hann window leaves two thirds of the bins independent.
-            out = -2.0 * np.log(power) @ counts / 1.5
-            break
-        weight = np.repeat(1.0 / power, counts, axis=1)[:, :, None]
-        top = np.sum((lever.conj() * (seen[None] - turns)).real * weight, axis=(1, 2))
-        bottom = np.sum(np.abs(lever) ** 2 * weight, axis=(1, 2))
-        share = top / np.maximum(bottom, 1e-300)
-        left = seen[None] - turns - share[:, None, None] * lever
-    return out
-
-
 # -- all together ----------------------------------------------------------------------
 
 
@@ -528,8 +389,8 @@ def check(
 
     contradictions: list[Contradiction] = []
     axes = axes_test(h)
-    if axes is not None and axes.margin >= _AXES_MARGIN:
-        contradictions.append(Contradiction("axes", _axes_text(axes)))
+    if axes is not None and axes.margin >= AXES_MARGIN:
+        contradictions.append(Contradiction("axes", axes_text(axes)))
     found: EarthRateTest | None = None
     least = 0.0
     if best.dwells:
@@ -557,18 +418,6 @@ def check(
     if gravity is not None:
         contradictions.append(gravity)
     return Consistency(tuple(contradictions), found, axes, least)
-
-
-def _axes_text(found: AxesTest) -> str:
-    if found.mirrored:
-        return (
-            "the force turns in the body against the gyros, as in a mirror: two axes are exchanged "
-            f"or one has the wrong sign (gyros {found.axes} would fit); check --axes and --columns"
-        )
-    return (
-        f"the force does not turn in the body as the gyros say; with gyro axes {found.axes} it "
-        "would be consistent: check --columns and the axes of gyros and accelerometers"
-    )
 
 
 def with_gyro_bias(spec: ImuSpec, bias: float) -> ImuSpec:

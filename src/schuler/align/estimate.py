@@ -125,7 +125,7 @@ def estimate(
             answer = best.end if at_end else best.start
             r, sway, levels = best.rotation, answer.sway, best.levels
             if at_end:
-                r = np.asarray(quat_to_matrix(rotvec_to_quat(-best.bias_turn)) @ r)
+                r = np.asarray(quat_to_matrix(rotvec_to_quat(-best.end_turn)) @ r)
             if spec is not None and len(best.dwells) != 1:
                 # One dwell shows no bias apart from the attitude.
                 biases, bias_covariance = best.biases, best.covariance[3:, 3:]

@@ -51,6 +51,9 @@ _TILT, _VELOCITY = 1.0 * DEG, 1.0
 _WIDER = 20.0
 """Sigma of the start over that of the optimal estimate: the record counts twice by 1/400."""
 
+_TILTED = 3.0 * DEG
+"""Tilt from which on ten states have an eleventh: the third accelerometer's bias."""
+
 _LEVER, _BASE = 1.0, 0.1
 """Prior of a lever arm (m) and of the attitude of the base (rad)."""
 
@@ -156,6 +159,13 @@ class _Setting:
     every: int
     to_correct: tuple[bool, bool]
 
+    @property
+    def tilted(self) -> bool:
+        """Whether the third accelerometer has a part in the horizontal force."""
+        local = inertial_to_local(self.known.history.t[1:], self.site.latitude)
+        up = np.einsum("ia,iab->ib", local[:, 2], self.known.attitude)
+        return bool(np.any(up[:, 2] < np.cos(_TILTED)))
+
     def open(self, q: Array, biases: Array, *, backward: bool = False, feedback: bool) -> _Filter:
         """Return a filter at its start."""
         from schuler.kernels.fine import STATE_SIZE
@@ -224,7 +234,9 @@ class _Setting:
         if wander:
             p0[6:9] = (*[(EARTH_RATE * np.cos(site.latitude)) ** 2] * 2, 0.0)
         if method.states == 10:
-            p0[5] = p0[11] = 0.0
+            p0[5] = 0.0
+            if not self.tilted:
+                p0[11] = 0.0
         for k, value in zip(at, (max(displacement, 1e-8), displacement, _BASE**2, _LEVER**2),
                             strict=True):  # fmt: skip
             if k >= 0:

@@ -187,8 +187,9 @@ class Joint:
         Of phi_0 (in i0) and the biases.
     start, end : Answer
         How phi at the start and at the end, both in i0, answers to the series.
-    bias_turn : (3,) float64
-        Turn in i0 by which the estimated gyro biases have carried the tracked attitude at the end.
+    end_turn : (3,) float64
+        Turn in i0 by which the gyros' biases and noise, as far as they are estimated, have carried
+        the tracked attitude at the end.
     levels : Levels
         Of the motion in the velocity (`disturbance_levels`).
     history : History
@@ -216,7 +217,7 @@ class Joint:
     covariance: Array
     start: Answer
     end: Answer
-    bias_turn: Array
+    end_turn: Array
     levels: Levels
     history: History
     attitude: Array
@@ -280,6 +281,8 @@ class _Series:
         Attitude about east, north and up, velocity east and north; columns as `_COLUMNS` says.
     gyro : (2m, 2m) float64
         Covariance of attitude and velocity from the gyros' noise about one axis.
+    gyro_end : (2m,) float64
+        Covariance of both with the turn that this noise has made at the end.
     force, sway : (m, m), (3, m, m) float64
         Covariance of the velocity and of the attitude from all else.
     mean_sway : (3, m, m) float64
@@ -292,6 +295,7 @@ class _Series:
 
     design: Array
     gyro: Array
+    gyro_end: Array
     force: Array
     sway: Array
     mean_sway: Array
@@ -344,7 +348,10 @@ def joint(h: History, site: Site, spec: ImuSpec | None, *, free_latitude: bool =
     turns = _turns(q, r, local, dwells)
     series = _series(h, site, spec, levels, local, attitude, turns, dwells)
     series = _with_tests(series, h, site, local, dwells)
-    gain_a, gain_v, covariance, information, groups = _gains(series, spec, free_latitude)
+    carried = np.einsum("iab,i->ab", attitude, dt)
+    gain_a, gain_v, end_a, end_v, covariance, information, groups = _gains(
+        series, spec, carried, local[m // 2], free_latitude
+    )
     latitude = np.zeros(2)
     biases = np.zeros(6)
     # Errors are phi^2, so a second step leaves nothing.
@@ -354,21 +361,17 @@ def joint(h: History, site: Site, spec: ImuSpec | None, *, free_latitude: bool =
         found = np.einsum("iab,ib->a", gain_v, e)
         found += np.einsum("iab,ib->a", gain_a, turns)
         biases = found[3:9]
+        at_end = np.einsum("iab,ib->a", end_v, e) + np.einsum("iab,ib->a", end_a, turns)
         if free_latitude:
             latitude = np.array([found[9], np.sqrt(covariance[9, 9])])
         r = np.asarray(quat_to_matrix(rotvec_to_quat(found[:3])) @ r)
     right = np.zeros(len(information))
     for turn, rows_a, move, rows_v, weighted in groups:
         right += weighted @ np.concatenate([turns[rows_a, turn], e[rows_v, move]])
-    # At the end the biases have turned the tracked attitude: that is taken off as well.
-    carried = np.einsum("iab,i->ab", attitude, dt)
     start = Answer.from_gains(gain_a[:, :3], gain_v[:, :3], local, series.mean_sway)
-    end = Answer.from_gains(
-        gain_a[:, :3] - carried @ gain_a[:, 3:6], gain_v[:, :3] - carried @ gain_v[:, 3:6], local,
-        series.mean_sway,
-    )  # fmt: skip
+    end = Answer.from_gains(end_a, end_v, local, series.mean_sway)
     return Joint(
-        r, biases, covariance[:9, :9], start, end, carried @ biases[:3], levels, h, attitude,
+        r, biases, covariance[:9, :9], start, end, found[:3] - at_end, levels, h, attitude,
         dwells, _share(series, gain_a, gain_v, local[m // 2, 2]), series.sway_levels,
         dwells == ((0, m),) and len(series.attitude_rows) > 0, latitude,
         float(np.mean(turns[:, :2] ** 2) + 4.0 * np.mean(np.maximum(1.0 - size**2, 0.0))),
@@ -416,7 +419,8 @@ def _series(
     interval = h.duration / max(h.samples, 1)
     once = np.tril(np.ones((m, m)), -1) + 0.5 * np.eye(m)
     walk, double, short = _responses(dt)
-    stacked = np.vstack([walk, g * double])
+    # The last row is the attitude at the end, which answers to all increments in full.
+    stacked = np.vstack([walk, g * double, np.ones((1, walk.shape[1]))])
 
     # What the vehicle's motion and the instrument make of the series.
     d, c, b, a = levels.likely
@@ -459,7 +463,7 @@ def _series(
     design[3:, :, 9:11] = (level_axes @ local[m // 2].T[:, :2]).transpose(1, 0, 2)
     none = np.zeros(0, np.int64)
     return _Series(
-        design, gyro, force, sway[0], sway[1], levels_of_sway,
+        design, gyro[:-1, :-1], gyro[:-1, -1], force, sway[0], sway[1], levels_of_sway,
         np.concatenate([none, *(np.arange(i, j) for i, j in steady)]),
         np.concatenate([none, *(np.arange(i, j) for i, j in dwells)]) if dwells else np.arange(m),
     )  # fmt: skip
@@ -492,12 +496,24 @@ _Group = tuple[int, Rows, int, Rows, Array]
 
 
 def _gains(
-    series: _Series, spec: ImuSpec | None, free_latitude: bool
-) -> tuple[Array, Array, Array, Array, list[_Group]]:
+    series: _Series, spec: ImuSpec | None, carried: Array, local: Array, free_latitude: bool
+) -> tuple[Array, Array, Array, Array, Array, Array, list[_Group]]:
     """Return what a unit of attitude (m, k, 3) and of velocity (m, k, 2) makes of the unknowns.
 
-    And their covariance (k, k): phi_0 and the biases, and the latitude where it is free; then the
-    information of all unknowns without priors, and the weighted design of each group.
+    Then the same of phi at the end, which the gyros' biases and noise have carried on (best linear
+    prediction: what the residuals say of the noise up to the end is part of it); the covariance
+    (k, k) of phi_0 and the biases, and of the latitude where it is free; the information of all
+    unknowns without priors; and the weighted design of each group.
+
+    Parameters
+    ----------
+    series : _Series
+    spec : ImuSpec or None
+    carried : (3, 3) float64
+        Turn in i0 at the end for a unit of gyro bias, s.
+    local : (3, 3) float64
+        C_i0^n in the middle.
+    free_latitude : bool
     """
     m, n = series.design.shape[1:]
     information = np.zeros((n, n))
@@ -506,6 +522,9 @@ def _gains(
     prior = np.zeros(n)
     prior[3:9] = np.repeat(1.0 / np.square(sigma), 3)
     groups: list[_Group] = []
+    predictions: list[Array] = []
+    end = np.zeros((3, n))
+    end[:, :3], end[:, 3:6] = np.eye(3), -carried
     none = np.zeros(0, np.int64)
     # A turn about east takes the force north and a turn about north takes it west; a turn about
     # up takes it nowhere. So the series fall into three independent groups.
@@ -523,8 +542,12 @@ def _gains(
         noise[np.diag_indices(len(chosen))] *= 1.0 + 1e-9
         noise[np.diag_indices(len(chosen))] += 1e-24
         jacobian = np.concatenate([series.design[turn][rows_a], series.design[move][rows_v]])
-        weighted = np.linalg.solve(noise, jacobian).T
+        end_turn = flip * series.gyro_end[chosen]
+        solved = np.linalg.solve(noise, np.column_stack([jacobian, end_turn])).T
+        weighted, prediction = solved[:-1], solved[-1]
         information += weighted @ jacobian
+        end += np.outer(local[turn], prediction @ jacobian)
+        predictions.append(prediction)
         groups.append((turn, rows_a, move - 3, rows_v, weighted))
     # A steady turn of the base is taken for nothing here, and so is an error of the latitude.
     used = np.arange(n - 3 if free_latitude else n - 4)
@@ -535,8 +558,13 @@ def _gains(
     inverse = np.linalg.inv(scaled) * np.outer(scale, scale)
     pick = np.array([*range(9), len(used) - 1] if free_latitude else range(9))
     gain_a, gain_v = np.zeros((m, len(pick), 3)), np.zeros((m, len(pick), 2))
-    for turn, rows_a, move, rows_v, weighted in groups:
-        gain = (inverse[pick] @ weighted[used]).T
-        gain_a[rows_a, :, turn] = gain[: len(rows_a)]
-        gain_v[rows_v, :, move] = gain[len(rows_a) :]
-    return gain_a, gain_v, inverse[np.ix_(pick, pick)], information, groups
+    end_a, end_v = np.zeros((m, 3, 3)), np.zeros((m, 3, 2))
+    both = np.vstack([inverse[pick], end[:, used] @ inverse])
+    for (turn, rows_a, move, rows_v, weighted), prediction in zip(groups, predictions, strict=True):
+        gain = (both @ weighted[used]).T
+        gain[:, len(pick) :] -= np.outer(prediction, local[turn])
+        here, there = np.split(gain, [len(rows_a)])
+        gain_a[rows_a, :, turn], end_a[rows_a, :, turn] = np.split(here, [len(pick)], axis=1)
+        gain_v[rows_v, :, move], end_v[rows_v, :, move] = np.split(there, [len(pick)], axis=1)
+    covariance = inverse[np.ix_(pick, pick)]
+    return gain_a, gain_v, end_a, end_v, covariance, information, groups

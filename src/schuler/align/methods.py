@@ -123,7 +123,8 @@ class Fine:
     ----------
     states : {10, 12, 15}
         10: level velocities, phi, level accelerometer biases and gyro biases, as Fang and Wan
-        (1996); 12: all three velocities and accelerometer biases; 15: displacement as well.
+        (1996), and the third accelerometer's bias where the unit is tilted; 12: all three
+        velocities and accelerometer biases; 15: displacement as well.
     measurement : {"displacement", "velocity", "force"}
         What is known to be nothing: the displacement (bounded, so the strongest), the velocity,
         or the horizontal force.
