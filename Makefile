@@ -43,7 +43,7 @@ fuzz: $(VENV)/.with-dev
 	  tests/fuzz $(PYTEST_ARGS)
 
 validate: $(VENV)/.with-dev
-	$(BIN)/python -m tests.align.sigma_table
+	$(BIN)/python -m tests.alignment.sigma_table
 
 demo: $(VENV)/.with-report
 	$(BIN)/schuler demo --out out/

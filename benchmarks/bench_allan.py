@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from schuler.allan_variance.deviation import allan, allan_deviation
 from schuler.record import ImuRecord
-from schuler.sensors.allan import allan, allan_deviation
 
 SAMPLES, TAUS, RATE, REPEATS = 1_000_000, 60, 100.0, 15
 

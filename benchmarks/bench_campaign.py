@@ -15,7 +15,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from schuler.campaign import Campaign, run_campaign
+from schuler import campaigns
+from schuler.campaigns import Campaign
 from schuler.config import parse_scenario
 
 RUNS = 1000
@@ -42,7 +43,7 @@ def timed(runs: int, workers: int | None) -> tuple[float, float, str]:
     with tempfile.TemporaryDirectory() as folder:
         begin = time.perf_counter()
         campaign = Campaign(parse_scenario(SCENE), runs)
-        found = run_campaign(campaign, folder, workers=workers, progress=mark)
+        found = campaigns.campaign(campaign, folder, workers=workers, progress=mark)
         span = time.perf_counter() - begin
         digest = hashlib.sha256(Path(found.path).read_bytes()).hexdigest()
     # The first mark is the start; the workers have started when as many chunks as they are have

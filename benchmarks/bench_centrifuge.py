@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from schuler.calibrate import PUBLISHED_POSITIONS, Ekf, Plant, fit_platform, published_truth
-from schuler.calibrate.centrifuge import Tables, direct_information
-from schuler.calibrate.platform import prior_sigma, simulate_platform
+from schuler.centrifuge import PUBLISHED_POSITIONS, Ekf, Plant, fit_platform, published_truth
+from schuler.centrifuge.filter import prior_sigma, simulate_platform
+from schuler.centrifuge.plant import Tables, direct_information
 from schuler.kernels.centrifuge import _FIRST, _SECOND, _SIGN, _TERM, platform_matrix
 from schuler.kernels.scheme import scheme_values
 

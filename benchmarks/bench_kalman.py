@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from schuler.align import Fine, align
+from schuler.alignment import Fine, align
 from schuler.earth import Site
 from schuler.kernels import kalman
 from schuler.motion import DisturbedVehicle
 from schuler.sensors import GRADES
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 
 N, M = 15, 3
 LONG = 10_000_000

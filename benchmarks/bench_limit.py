@@ -24,7 +24,7 @@ def errors(case: str, duration: float, seed: int) -> list[tuple[float, float]]:
     import schuler as sc
     from schuler.motion import DisturbedVehicle, Static
     from schuler.sensors import GRADES
-    from schuler.simulate import simulate
+    from schuler.simulation import simulate
 
     rng = np.random.default_rng([seed, round(duration)])
     site, spec = sc.Site(lat=40.0), GRADES["navigation-fog"]

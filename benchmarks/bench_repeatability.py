@@ -24,7 +24,7 @@ def run() -> list[dict[str, Any]]:
     if skipped("repeatability"):
         return []
     import schuler as sc
-    from schuler.align import align_windows
+    from schuler.alignment import align_windows
 
     record, site = sc.read(RECORD), sc.Site(*PLACE)
     rows = []

@@ -17,7 +17,7 @@ from schuler.attitude import quat_to_euler
 from schuler.earth import Site
 from schuler.motion import DisturbedVehicle, Motion, Static, Track
 from schuler.sensors import ImuSpec
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 
 RATE, SECONDS, REPEATS = 100.0, 600.0, 5
 SITE = Site(40.0, 116.0, 50.0)

@@ -24,9 +24,10 @@ from schuler.attitude import psi_to_heading, quat_to_euler
 from schuler.constants import DEG
 from schuler.earth import Site
 from schuler.kernels import strapdown
+from schuler.modulation import RotationCase, strapdown_end
 from schuler.motion import Band, Manoeuvre, Route, Sum, Sway
-from schuler.navigate import Navigator, RotationCase, Start, navigate, strapdown_end
-from schuler.simulate import simulate
+from schuler.navigation import Navigator, Start, navigate
+from schuler.simulation import simulate
 
 RATE, DURATION, ROUNDS, RUNS = 100.0, 3600.0, 8, 40
 CHECK = 60_000
@@ -64,7 +65,7 @@ def kernel_job(made: Any, begin: Start, every: int) -> Callable[[], object]:
     options = Navigator(begin, gravity="somigliana1")._options
     out = np.empty((len(r) // every + 2, strapdown.ROW))
     none, zero = np.empty((0, 15)), np.zeros(5)
-    start = begin.state()
+    start = begin.state().data
 
     def job() -> None:
         strapdown.navigate(

@@ -15,8 +15,8 @@ import matplotlib as mpl
 import numpy as np
 
 import schuler as sc
-from schuler.align import Position, bias_formula, limit, position_limit
-from schuler.align.history import inertial_to_local
+from schuler.alignment import Position, bias_formula, limit, position_limit
+from schuler.alignment.history import inertial_to_local
 from schuler.attitude import (
     euler_to_quat,
     multiply,
@@ -27,7 +27,7 @@ from schuler.attitude import (
 from schuler.constants import ARCMIN, DEG, DEG_PER_HOUR, EARTH_RATE
 from schuler.motion import DisturbedVehicle, Static
 from schuler.sensors import GRADES
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 
 mpl.use("svg")
 

@@ -10,7 +10,7 @@ import numpy as np
 import schuler as sc
 from schuler.motion import DisturbedVehicle
 from schuler.sensors import GRADES
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 
 path = Path("my_log.csv")
 site = sc.Site(lat=48.1, lon=11.6, height=520.0)

@@ -5,7 +5,7 @@ import numpy as np
 import schuler as sc
 from schuler.motion import DisturbedVehicle
 from schuler.sensors import GRADES
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 
 site = sc.Site(lat=52.5, lon=13.4, height=40.0)
 spec = GRADES["navigation-rlg"]

@@ -98,9 +98,8 @@ def run_track(
     """Return state and used nodes of the tracking kernel, fed in pieces."""
     from schuler.kernels import tracking
 
-    state = np.zeros(tracking.STATE_SIZE)
-    state[2] = state[74] = 1.0
+    state = tracking.TrackerState.begin().data
     nodes = np.zeros((tracking.NODE_CAPACITY, tracking.ROW))
     for s in pieces(len(time), cuts):
         tracking.track(state, nodes, n_sub, coning, sculling, time[s], dt[s], dtheta[s], dvel[s])
-    return state, nodes[: int(state[73])]
+    return state, nodes[: int(tracking.TrackerState(state).nodes)]

@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 
 import schuler as sc
-from schuler.align import (
+from schuler.alignment import (
     Aligner,
     Fine,
     Inertial,
     align_windows,
     align_without_latitude,
 )
-from schuler.campaign import Campaign
+from schuler.campaigns import Campaign
 from schuler.config import load_scenario
 from schuler.errors import InputError, expect
 from schuler.motion import Static
-from schuler.navigate import Start, evaluate
+from schuler.navigation import Start, evaluate
 from schuler.prefilter import Emd, Gate, Hankel, LowPass, Wavelet
 from schuler.sensors import GRADES
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 
 SITE = sc.Site(34.2, 108.9, 400.0)
 MADE = simulate(

@@ -237,7 +237,7 @@ def truck(tmp_path_factory):
     import schuler as sc
     from schuler.motion import DisturbedVehicle
     from schuler.sensors import GRADES
-    from schuler.simulate import simulate
+    from schuler.simulation import simulate
 
     rng = np.random.default_rng(3)
     motion = DisturbedVehicle.draw(rng, 60.0, heading=10.0)
@@ -345,7 +345,7 @@ def test_the_documentation_builds(tmp_path, root):
 
 
 def public_names() -> set[str]:
-    """Return each public name of each room, as the API pages show it."""
+    """Return each public name of each module, as the API pages show it."""
     front = (DOCS / "api.md").read_text(encoding="utf-8")
     assert all(f"`sc.{name}`" in front for name in schuler.__all__ if name != "__version__")
     names = set()

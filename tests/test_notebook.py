@@ -10,16 +10,16 @@ import pytest
 
 import schuler as sc
 from schuler._notebook import Shown, bar, card
-from schuler.align import align_windows, align_without_latitude
-from schuler.align.compare import compare
-from schuler.align.table import TableNorth
-from schuler.calibrate.plan import Plan
+from schuler.alignment import align_windows, align_without_latitude
+from schuler.alignment.compare import compare
+from schuler.alignment.table_north import TableNorth
+from schuler.centrifuge.plan import Plan
 from schuler.motion import Static
-from schuler.navigate import Evaluation, Start, navigate
+from schuler.navigation import Evaluation, Start, navigate
 from schuler.published.result import Experiment
 from schuler.record import Summariser
 from schuler.sensors import GRADES
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 
 SITE = sc.Site(48.0)
 

@@ -33,44 +33,53 @@ from typing import TYPE_CHECKING, Any
 
 from schuler._version import __version__
 
-#: public name -> module; resolved on first use, so that `import schuler` costs nothing
-_PUBLIC = {
-    "ImuRecord": "schuler.record",
-    "Site": "schuler.earth",
-    "SchulerError": "schuler.errors",
-    "InputError": "schuler.errors",
-    "ImuSpec": "schuler.sensors",
-    "read": "schuler.io",
-    "open_source": "schuler.io",
-    "write": "schuler.io",
-    "Mapping": "schuler.io",
-    "Calibration": "schuler.calibrate",
-    "calibrate_poses": "schuler.calibrate",
-    "align": "schuler.align",
-    "align_windows": "schuler.align",
-    "Aligner": "schuler.align",
-    "Alignment": "schuler.align",
-    "Analytic": "schuler.align",
-    "Inertial": "schuler.align",
-    "navigate": "schuler.navigate",
-    "Navigator": "schuler.navigate",
-    "Start": "schuler.navigate",
-    "evaluate": "schuler.navigate",
-    "SensorArray": "schuler.sensors",
-    "report": "schuler.report",
-}
+#: module -> its public names; resolved on first use, so that `import schuler` costs nothing.
+#: No module or subpackage may have the name of one of these: Python binds it in its place.
+_EXPORTS = {
+    "schuler.alignment": (
+        "Aligner", "Alignment", "Analytic", "Auto", "Fine", "Gyrocompass", "Inertial",
+        "align", "align_windows", "align_without_latitude", "compare", "limit",
+    ),
+    "schuler.allan_variance": ("allan", "fit_noise"),
+    "schuler.calibration": ("Calibration", "calibrate_poses", "calibrate_systematic"),
+    "schuler.campaigns": ("Campaign", "campaign"),
+    "schuler.config": ("load_scenario",),
+    "schuler.earth": ("Site",),
+    "schuler.errors": ("InputError", "SchulerError"),
+    "schuler.io": ("Mapping", "open_source", "read", "write"),
+    "schuler.io.reference": ("read_reference",),
+    "schuler.navigation": ("Navigator", "Start", "evaluate", "navigate"),
+    "schuler.prefilter": ("Emd", "Gate", "Hankel", "LowPass", "Wavelet"),
+    "schuler.record": ("ImuRecord",),
+    "schuler.reports": ("report",),
+    "schuler.sensors": ("ImuSpec", "SensorArray", "load_spec"),
+    "schuler.simulation": ("Simulation", "simulate"),
+}  # fmt: skip
+_MODULE = {name: module for module, names in _EXPORTS.items() for name in names}
 
-__all__ = ["__version__", *sorted(_PUBLIC)]
+__all__ = ["__version__", *sorted(_MODULE)]
 
 if TYPE_CHECKING:
-    from schuler.align import Aligner as Aligner
-    from schuler.align import Alignment as Alignment
-    from schuler.align import Analytic as Analytic
-    from schuler.align import Inertial as Inertial
-    from schuler.align import align as align
-    from schuler.align import align_windows as align_windows
-    from schuler.calibrate import Calibration as Calibration
-    from schuler.calibrate import calibrate_poses as calibrate_poses
+    from schuler.alignment import Aligner as Aligner
+    from schuler.alignment import Alignment as Alignment
+    from schuler.alignment import Analytic as Analytic
+    from schuler.alignment import Auto as Auto
+    from schuler.alignment import Fine as Fine
+    from schuler.alignment import Gyrocompass as Gyrocompass
+    from schuler.alignment import Inertial as Inertial
+    from schuler.alignment import align as align
+    from schuler.alignment import align_windows as align_windows
+    from schuler.alignment import align_without_latitude as align_without_latitude
+    from schuler.alignment import compare as compare
+    from schuler.alignment import limit as limit
+    from schuler.allan_variance import allan as allan
+    from schuler.allan_variance import fit_noise as fit_noise
+    from schuler.calibration import Calibration as Calibration
+    from schuler.calibration import calibrate_poses as calibrate_poses
+    from schuler.calibration import calibrate_systematic as calibrate_systematic
+    from schuler.campaigns import Campaign as Campaign
+    from schuler.campaigns import campaign as campaign
+    from schuler.config import load_scenario as load_scenario
     from schuler.earth import Site as Site
     from schuler.errors import InputError as InputError
     from schuler.errors import SchulerError as SchulerError
@@ -78,23 +87,29 @@ if TYPE_CHECKING:
     from schuler.io import open_source as open_source
     from schuler.io import read as read
     from schuler.io import write as write
-    from schuler.navigate import Navigator as Navigator
-    from schuler.navigate import Start as Start
-    from schuler.navigate import evaluate as evaluate
-    from schuler.navigate import navigate as navigate
+    from schuler.io.reference import read_reference as read_reference
+    from schuler.navigation import Navigator as Navigator
+    from schuler.navigation import Start as Start
+    from schuler.navigation import evaluate as evaluate
+    from schuler.navigation import navigate as navigate
+    from schuler.prefilter import Emd as Emd
+    from schuler.prefilter import Gate as Gate
+    from schuler.prefilter import Hankel as Hankel
+    from schuler.prefilter import LowPass as LowPass
+    from schuler.prefilter import Wavelet as Wavelet
     from schuler.record import ImuRecord as ImuRecord
-    from schuler.report import report as report
+    from schuler.reports import report as report
     from schuler.sensors import ImuSpec as ImuSpec
     from schuler.sensors import SensorArray as SensorArray
+    from schuler.sensors import load_spec as load_spec
+    from schuler.simulation import Simulation as Simulation
+    from schuler.simulation import simulate as simulate
 
 
 def __getattr__(name: str) -> Any:
-    module = _PUBLIC.get(name)
-    if module is None:
+    if name not in _MODULE:
         raise AttributeError(f"module 'schuler' has no attribute '{name}'")
-    room = import_module(module)
-    # A room of the same name is itself callable (`schuler._face`): both uses must go on working.
-    value = room if module == f"schuler.{name}" else getattr(room, name)
+    value = getattr(import_module(_MODULE[name]), name)
     globals()[name] = value
     return value
 

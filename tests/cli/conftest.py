@@ -14,7 +14,7 @@ from schuler.cli import main
 from schuler.earth import Site
 from schuler.motion import Static
 from schuler.sensors import GRADES
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from numpy.typing import NDArray
 
 import schuler as sc
-from schuler.align import METHODS
+from schuler.alignment import METHODS
 from schuler.cli import cli
 from schuler.constants import EARTH_RATE
 from schuler.earth import Site

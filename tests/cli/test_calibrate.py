@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import schuler as sc
-from schuler.calibrate import Calibration
+from schuler.calibration import Calibration
 from tests.test_docs import schema
 
 
@@ -121,7 +121,7 @@ def test_poses_on_the_real_record(cli, data_dir, tmp_path):
 
 
 def test_poses_from_one_record(cli, tmp_path):
-    from tests.calibrate.test_poses import BIAS, by_hand
+    from tests.calibration.test_poses import BIAS, by_hand
 
     t, f, w = by_hand(np.random.default_rng(1), poses=14)
     rows = np.column_stack([t, w, f])
@@ -134,7 +134,7 @@ def test_poses_from_one_record(cli, tmp_path):
 
 
 def test_gravity_of_the_poses_is_said(cli, tmp_path):
-    from tests.calibrate.test_poses import MATRIX, by_hand
+    from tests.calibration.test_poses import MATRIX, by_hand
 
     t, f, w = by_hand(np.random.default_rng(1), poses=14)
     rows = np.column_stack([t, np.degrees(w), f / 9.80665])
@@ -165,7 +165,7 @@ def test_align_applies_a_calibration(cli, tmp_path, rng):
     from dataclasses import replace
 
     from schuler.motion import Static
-    from schuler.simulate import simulate
+    from schuler.simulation import simulate
 
     site = sc.Site(40.0)
     record = simulate(Static(heading=50.0), site, 30.0, 100.0).record
@@ -191,11 +191,11 @@ def test_align_applies_a_calibration(cli, tmp_path, rng):
 
 @pytest.mark.slow
 def test_systematic_finds_biases_from_turns(cli, tmp_path):
-    from schuler.calibrate import SYSTEMATIC_NAMES
+    from schuler.calibration import SYSTEMATIC_NAMES
     from schuler.constants import DEG_PER_HOUR, MICRO_G
     from schuler.motion.turntable import Dwell, Turntable
-    from schuler.simulate import simulate
-    from tests.calibrate.test_turntable import sequence
+    from schuler.simulation import simulate
+    from tests.calibration.test_turntable import sequence
 
     table = {
         "gyro": {"bias": "0.02 deg/h", "angle_random_walk": "0.002 deg/sqrt(h)"},

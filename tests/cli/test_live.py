@@ -14,14 +14,14 @@ import time
 import numpy as np
 import pytest
 
-from schuler.align import LiveAligner, align
-from schuler.align.live import fill
+from schuler.alignment import LiveAligner, align
+from schuler.alignment.live import fill
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.io.packets import encode_csv, encode_frame
 from schuler.motion import DisturbedVehicle
 from schuler.sensors import GRADES
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 
 SITE = Site(50.0)
 RATE = 50.0

@@ -16,7 +16,7 @@ from schuler.io.reference import read_reference
 from schuler.io.truth import write_truth
 from schuler.motion import Manoeuvre, Route, Static
 from schuler.sensors import named_array
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 from tests.conftest import ROOT
 
 COLUMNS = ",".join(
@@ -160,7 +160,7 @@ def test_bad_references_are_said(run, drive, tmp_path, text, sentence):
 
 def test_reference_between_rows_is_interpolated(drive, tmp_path):
     """Truth at 100 Hz against a path of every 25th row: millimetres."""
-    from schuler.navigate import Start, evaluate, navigate
+    from schuler.navigation import Start, evaluate, navigate
 
     record = sc.read(drive / "drive.parquet")
     start = Start.from_angles(Site(40.0, 116.0, 50.0), 20.0)

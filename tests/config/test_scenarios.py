@@ -17,7 +17,7 @@ from schuler.config.override import spec_table
 from schuler.errors import InputError
 from schuler.motion import DisturbedVehicle, Static
 from schuler.sensors import GRADES, ImuSpec
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 from tests.conftest import ROOT
 
 EXAMPLES = sorted((ROOT / "examples" / "scenarios").glob("*.toml"))

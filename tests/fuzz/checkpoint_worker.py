@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from schuler.errors import InputError
-from tests.align.live_tools import SENDER, Feed, frame, make_samples, make_session, right
+from tests.alignment.live_tools import SENDER, Feed, frame, make_samples, make_session, right
 
 STAGES = (10, 200, 700, 1200)
 """Samples before the state is saved: held, waiting for their rate, aligned, and thinned out."""

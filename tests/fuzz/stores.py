@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from schuler.campaign import Campaign
-from schuler.campaign.chunk import NUMBERS, Chunk, schema
-from schuler.campaign.store import Store
+from schuler.campaigns import Campaign
+from schuler.campaigns.chunk import NUMBERS, Chunk, schema
+from schuler.campaigns.store import Store
 from schuler.config import parse_scenario
 
 SCENE = {

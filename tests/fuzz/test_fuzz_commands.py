@@ -119,7 +119,7 @@ def bench(tmp_path, monkeypatch):
     import schuler as sc
     from schuler.motion import Static
     from schuler.sensors import GRADES
-    from schuler.simulate import simulate
+    from schuler.simulation import simulate
 
     rng = np.random.default_rng(1)
     made = simulate(Static(30.0), sc.Site(40.0), 4.0, 20.0, GRADES["navigation-fog"], rng)

@@ -59,7 +59,7 @@ def bench(tmp_path_factory):
     import schuler as sc
     from schuler.motion import Static
     from schuler.sensors import GRADES
-    from schuler.simulate import simulate
+    from schuler.simulation import simulate
 
     folder = tmp_path_factory.mktemp("bench")
     rng = np.random.default_rng(1)

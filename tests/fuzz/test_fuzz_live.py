@@ -15,7 +15,7 @@ import pytest
 
 from schuler.errors import InputError
 from schuler.io.packets import KINDS, PacketParser, encode_csv, encode_frame
-from tests.align.live_tools import SENDER, Feed, frame, make_samples, make_session, right
+from tests.alignment.live_tools import SENDER, Feed, frame, make_samples, make_session, right
 
 SCALE = int(os.environ.get("SCHULER_FUZZ_SCALE", "1"))
 KEY = b"0123456789abcdef"

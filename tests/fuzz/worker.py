@@ -57,7 +57,7 @@ def read_reference(path: str, options: dict[str, Any]) -> str:
 
 def read_store(path: str, options: dict[str, Any]) -> str:
     """Open a campaign's folder; name what of it is used."""
-    from schuler.campaign.store import Store
+    from schuler.campaigns.store import Store
     from tests.fuzz.stores import campaign
 
     store = Store(campaign(), path)

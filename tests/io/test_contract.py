@@ -18,7 +18,7 @@ from schuler.io import readers
 from schuler.motion import Static
 from schuler.record import ImuRecord
 from schuler.sensors import GRADES
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 from tests.io.conftest import HEADER, Array, make_text, same
 from tests.io.makers import (
     novatel_ascii,

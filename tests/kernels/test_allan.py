@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from schuler.allan_variance.ladder import CAP, Ladder, grid
 from schuler.kernels import allan as kernels
-from schuler.sensors.allan_ladder import CAP, Ladder, grid
 
 from ..conftest import pieces
 

@@ -9,8 +9,8 @@ from schuler.attitude import multiply, quat_to_rotvec, rotvec_to_quat
 from schuler.earth import Site, radii
 from schuler.kernels.strapdown import DAMPED, FREE, OFF, ROW, SOMIGLIANA, many, navigate
 from schuler.motion import Manoeuvre, Route
-from schuler.navigate import Start
-from schuler.simulate import simulate
+from schuler.navigation import Start
+from schuler.simulation import simulate
 
 LAT, HEIGHT, STEP, RATE = 55.0, 2000.0, 2.0, 20.0
 CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
@@ -26,7 +26,7 @@ def flight():
         Route([Manoeuvre(2, turn=1.0, climb=2.0)], heading=70.0, speed=250.0), site, STEP, RATE
     )
     t = made.truth
-    return made.record, Start(site, t.quaternion[0], t.velocity[0]).state()
+    return made.record, Start(site, t.quaternion[0], t.velocity[0]).state().data
 
 
 def options(vertical):

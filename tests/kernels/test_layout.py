@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schuler.align import Aligner, Inertial
+from schuler.alignment import Aligner, Inertial
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.kernels.layout import LayoutError, check_aligner, check_intake
@@ -66,10 +66,10 @@ def test_an_array_of_one_value_is_refused(arrays, name, value):
 
 @pytest.mark.parametrize(
     ("name", "at", "text"),
-    [("tracker", 48, "entry 48"), ("tracker", 73, "another length"), ("tracker", 74, "spacing"),
+    [("tracker", 48, "'waiting'"), ("tracker", 73, "another length"), ("tracker", 74, "spacing"),
      ("tracker", 75, "miscounts"), ("tracker", 41, "miscounts"), ("tracker", 1, "miscounts"),
-     ("summary", 0, "fewer rows"), ("summary", 2, "miscounts"), ("tracker", 2, "entry 2 to 5"),
-     ("tracker_setting", 0, "entry 0 to 0")],
+     ("summary", 0, "fewer rows"), ("summary", 2, "miscounts"), ("tracker", 2, "'quat_ib0_b'"),
+     ("tracker_setting", 0, "entry 'subsamples'")],
 )  # fmt: skip
 def test_a_counter_that_is_off_is_named(arrays, name, at, text):
     spoilt = {**arrays, name: arrays[name].copy()}

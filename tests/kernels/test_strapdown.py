@@ -23,9 +23,9 @@ from schuler.motion import (
     moored_ship,
     two_axis_16,
 )
-from schuler.navigate import Navigator, Start
+from schuler.navigation import Navigator, Start
 from schuler.record import ImuRecord
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 from tests.conftest import pieces
 
 SITE = Site(40.0, 116.0, 50.0)

@@ -8,7 +8,7 @@ import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schuler.align import align
+from schuler.alignment import align
 from schuler.attitude import multiply, quat_to_euler, quat_to_rotvec
 from schuler.constants import DEG, DEG_PER_HOUR
 from schuler.earth import Site
@@ -27,7 +27,7 @@ from schuler.motion import (
     load_scheme,
     named_scheme,
 )
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 
 
 @pytest.mark.parametrize("name", list(SCHEMES))

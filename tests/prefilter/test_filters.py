@@ -153,7 +153,7 @@ def test_in_the_inertial_frame_sway_is_no_disturbance():
     """A rocking body under gravity: filtered in the held frame its force stays gravity."""
     from schuler.earth import Site
     from schuler.motion import Lines, Sway
-    from schuler.simulate import simulate
+    from schuler.simulation import simulate
 
     rocking = Sway(lines=(Lines("pitch", 0.5, 2.0, 0.0), Lines("roll", 0.3, 3.0, 1.0)))
     made = simulate(rocking, Site(40.0), 60.0).record

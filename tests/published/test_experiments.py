@@ -9,10 +9,10 @@ import zipfile
 import numpy as np
 import pytest
 
-from schuler.align import Inertial, align
+from schuler.alignment import Inertial, align
 from schuler.attitude import quat_to_matrix
-from schuler.calibrate import published_truth
-from schuler.calibrate.centrifuge import coefficient_names
+from schuler.centrifuge import published_truth
+from schuler.centrifuge.plant import coefficient_names
 from schuler.constants import ARCMIN, DEG_PER_HOUR, MICRO_G
 from schuler.earth import Site
 from schuler.errors import InputError
@@ -21,7 +21,7 @@ from schuler.motion.sway import Lines, Sway
 from schuler.published import EXPERIMENTS, Options, Row, conditions, guo2015, run, to_dict, xu2017
 from schuler.published.fang2006 import table_of
 from schuler.published.result import each_run, misalignment
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 
 SITE = Site(40.28)
 

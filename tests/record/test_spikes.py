@@ -11,7 +11,7 @@ from schuler.motion.turntable import Dwell, Turn
 from schuler.record import ImuRecord, Intake, without_spikes
 from schuler.record.quality import CHANNELS
 from schuler.sensors import load_spec
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 
 SITE = Site(48.1)
 DEG = np.pi / 180.0

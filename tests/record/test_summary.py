@@ -260,7 +260,7 @@ def test_a_unit_that_is_picked_up_is_at_rest_before():
 def test_a_truck_with_its_crew_is_at_rest(seed):
     from schuler.motion import DisturbedVehicle
     from schuler.sensors import GRADES
-    from schuler.simulate import simulate
+    from schuler.simulation import simulate
 
     rng = np.random.default_rng(seed)
     truck = DisturbedVehicle.draw(rng, 60.0, heading=123.0)

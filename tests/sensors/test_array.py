@@ -16,7 +16,7 @@ from schuler.constants import DEG_PER_HOUR
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.motion import Manoeuvre, Route, Static
-from schuler.navigate import Start, navigate
+from schuler.navigation import Start, navigate
 from schuler.record import ImuRecord
 from schuler.sensors import (
     ARRAYS,
@@ -29,7 +29,7 @@ from schuler.sensors import (
     load_array,
     named_array,
 )
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 
 NAMES = [*ARRAYS, "cone5", "cone7"]
 

@@ -19,7 +19,7 @@ from schuler.sensors import (
     named_array,
     parity_matrix,
 )
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 
 BAND = 0.01
 """False-alarm rate of each binomial comparison below."""

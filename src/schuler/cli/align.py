@@ -28,9 +28,9 @@ from schuler.cli.parameters import InputFile, Seconds
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
-    from schuler.align import Alignment, Windows
-    from schuler.align.aligner import Aligner
-    from schuler.calibrate.apply import Calibration
+    from schuler.alignment import Alignment, Windows
+    from schuler.alignment.aligner import Aligner
+    from schuler.calibration.apply import Calibration
     from schuler.io import Source
 
 __all__ = ["command"]
@@ -94,7 +94,7 @@ def command(**options: Any) -> int:
       schuler align truck.csv --gyro deg/s --accel g --axes FRD --lat 48.1 --report truck.html
       schuler align truck.imu --spec navigation-rlg --windows 100s --at start --json -
     """  # noqa: D301
-    from schuler.align import (
+    from schuler.alignment import (
         Aligner,
         align_windows,
         parse_method,
@@ -128,13 +128,13 @@ def command(**options: Any) -> int:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
     method = with_prefilter(parse_method(name), parse_prefilter(prefilter, site.gravity))
     if report_to is not None:
-        from schuler.report.page import graph_objects
+        from schuler.reports.page import graph_objects
 
         graph_objects()  # a missing library is said before the work, too
 
     calibration = None
     if calibration_from is not None:
-        from schuler.calibrate.apply import Calibration
+        from schuler.calibration.apply import Calibration
 
         calibration = Calibration.from_toml(calibration_from)
     aligner = Aligner(site, method, spec, at=at, reading=source.reading)
@@ -157,7 +157,7 @@ def command(**options: Any) -> int:
     if json_to is not None:
         emit_json((windows or fix).to_dict(), json_to)
     if report_to is not None:
-        from schuler.report import report
+        from schuler.reports import report
 
         report(windows or fix, report_to)
     if wants_text():
@@ -173,7 +173,7 @@ def _without_latitude(
 ) -> int:  # fmt: skip
     from dataclasses import replace
 
-    from schuler.align import align_without_latitude
+    from schuler.alignment import align_without_latitude
     from schuler.constants import DEG
     from schuler.record import ImuRecord
 
@@ -185,7 +185,7 @@ def _without_latitude(
     with progress(source, source.chunks(start=span[0], stop=span[1])) as chunks:
         read: Iterable[ImuRecord] = chunks
         if calibration_from is not None:
-            from schuler.calibrate import Calibration
+            from schuler.calibration import Calibration
 
             read = Calibration.from_toml(calibration_from).each(chunks)
         record = ImuRecord.concatenate(list(read), quality=source.quality)
@@ -200,7 +200,7 @@ def _without_latitude(
         }
         emit_json(data, json_to)
     if report_to is not None:
-        from schuler.report import report
+        from schuler.reports import report
 
         report(fix, report_to)
     if wants_text():

@@ -21,8 +21,8 @@ from schuler.cli.parameters import OutputFile
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
-    from schuler.sensors.allan import Allan
-    from schuler.sensors.allan_fit import NoiseFit
+    from schuler.allan_variance.deviation import Allan
+    from schuler.allan_variance.fit import NoiseFit
 
 __all__ = ["command"]
 
@@ -71,9 +71,9 @@ def command(**options: Any) -> None:
       schuler allan static.csv --gyro deg/s --accel g --save-spec mine.toml
       schuler align truck.csv --gyro deg/s --accel g --lat 48.1 --spec mine.toml
     """  # noqa: D301
-    from schuler.sensors.allan import allan
-    from schuler.sensors.allan_fit import fit_noise
-    from schuler.sensors.allan_output import save_spec, to_dict
+    from schuler.allan_variance.deviation import allan
+    from schuler.allan_variance.fit import fit_noise
+    from schuler.allan_variance.output import save_spec, to_dict
 
     kind, taus = options.pop("kind"), _times(options.pop("taus"))
     wanted = [name.replace("-", "_") for name in options.pop("channels")]
@@ -82,7 +82,7 @@ def command(**options: Any) -> None:
     start, stop = options.pop("start"), options.pop("stop")
     source, finish = open_file(options)
     if report_to is not None:
-        from schuler.report.page import graph_objects
+        from schuler.reports.page import graph_objects
 
         graph_objects()  # a missing library is said before the work, too
     look = Look(source)
@@ -103,7 +103,7 @@ def command(**options: Any) -> None:
     if json_to is not None:
         emit_json(to_dict(found, fit), json_to)
     if report_to is not None:
-        from schuler.report.allan import allan_report
+        from schuler.reports.allan import allan_report
 
         allan_report(found, fit, report_to)
     if spec_to is not None and fit is not None:
@@ -151,7 +151,7 @@ def _times(text: str | None) -> list[float] | None:
 
 def _print(found: Allan, fit: NoiseFit | None) -> None:
     """Print the curves and the fit for people."""
-    from schuler.sensors.allan_output import curve_lines, fit_lines
+    from schuler.allan_variance.output import curve_lines, fit_lines
 
     for line in curve_lines(found):
         echo(line)

@@ -66,7 +66,7 @@ def command(**options: Any) -> None:
     if options["json_to"] is not None:
         emit_json(data, options["json_to"])
     if options["report_to"] is not None:
-        from schuler.report.array import array_report
+        from schuler.reports.array import array_report
 
         array_report(array, reliability, options["report_to"])
     if wants_text():

@@ -27,8 +27,8 @@ from schuler.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from schuler.calibrate.poses import PosesFit
-    from schuler.calibrate.systematic import SystematicFit
+    from schuler.calibration.poses import PosesFit
+    from schuler.calibration.systematic import SystematicFit
     from schuler.io import Source
 
 __all__ = ["command"]
@@ -73,7 +73,7 @@ def poses(**options: Any) -> None:
       schuler calibrate poses bench.csv --gyro deg/s --accel g --lat 48.1 --out mine.toml
       schuler calibrate poses acc.mat gyro.mat --gyro-scale "0.01 deg/s" --gravity 9.8066 --json -
     """  # noqa: D301
-    from schuler.calibrate import calibrate_poses
+    from schuler.calibration import calibrate_poses
     from schuler.units import parse
 
     files, scale = options.pop("files"), options.pop("gyro_scale")
@@ -81,7 +81,7 @@ def poses(**options: Any) -> None:
     if len(files) > 2:
         raise InputError(f"poses takes one record or two tables, got {len(files)} files")
     if report_to is not None:
-        from schuler.report.page import graph_objects
+        from schuler.reports.page import graph_objects
 
         graph_objects()
     given, initial = options.pop("gravity"), options.pop("initial")
@@ -128,7 +128,7 @@ def poses(**options: Any) -> None:
     if json_to is not None:
         emit_json(_poses_json(fit, said), json_to)
     if report_to is not None:
-        from schuler.report.calibrate import poses_report
+        from schuler.reports.calibrate import poses_report
 
         poses_report(fit, report_to)
     if wants_text():
@@ -262,8 +262,8 @@ def systematic(**options: Any) -> None:
     \b
       schuler calibrate systematic turns.csv --lat 48 --spec navigation-fog --out mine.toml
     """  # noqa: D301
-    from schuler.align import Aligner
-    from schuler.calibrate import SYSTEMATIC_NAMES, calibrate_systematic
+    from schuler.alignment import Aligner
+    from schuler.calibration import SYSTEMATIC_NAMES, calibrate_systematic
     from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G
     from schuler.record import ImuRecord
     from schuler.sensors import load_spec
@@ -312,7 +312,7 @@ def systematic(**options: Any) -> None:
 
 
 def _print_systematic(fit: SystematicFit) -> None:
-    from schuler.calibrate import SYSTEMATIC_NAMES
+    from schuler.calibration import SYSTEMATIC_NAMES
     from schuler.units import to_unit
 
     for name, value, sigma in zip(SYSTEMATIC_NAMES, fit.value, fit.sigma, strict=True):
@@ -356,7 +356,7 @@ def centrifuge(**options: Any) -> None:
     """  # noqa: D301
     import numpy as np
 
-    from schuler.calibrate import (
+    from schuler.centrifuge import (
         PUBLISHED_POSITIONS,
         Ekf,
         Plant,
@@ -408,7 +408,7 @@ def centrifuge(**options: Any) -> None:
             options["json_to"],
         )  # fmt: skip
     if options["report_to"] is not None:
-        from schuler.report.calibrate import platform_report
+        from schuler.reports.calibrate import platform_report
 
         platform_report(plant, positions, options["dwell"], found, fit, options["report_to"])
     if not wants_text():

@@ -15,8 +15,8 @@ from schuler.cli.completion import methods, scenarios
 from schuler.cli.parameters import Count, InputFile
 
 if TYPE_CHECKING:
-    from schuler.align.scatter import Scatter
-    from schuler.campaign import Results
+    from schuler.campaigns import Results
+    from schuler.campaigns.scatter import Scatter
 
 __all__ = ["command"]
 
@@ -59,8 +59,8 @@ def command(**options: Any) -> None:
       schuler campaign truck.toml --runs 1000 --report truck.html
       schuler campaign truck.toml --runs 200 --sweep motion.crew.moving_mm=1,2,4 --workers 2
     """  # noqa: D301
-    from schuler.campaign import Campaign, run_campaign
-    from schuler.campaign.store import Store
+    from schuler import campaigns
+    from schuler.campaigns.store import Store
     from schuler.config import load_scenario, parse_overrides, parse_sweep
 
     overrides = parse_overrides(options["overrides"])
@@ -68,18 +68,18 @@ def command(**options: Any) -> None:
         overrides["seed"] = options["seed"]
     scenario = load_scenario(options["scenario"], overrides)
     sweep = parse_sweep(options["sweeps"])
-    campaign = Campaign(scenario, options["runs"], sweep, options["methods"])
+    campaign = campaigns.Campaign(scenario, options["runs"], sweep, options["methods"])
     out = options["out"] or f"{scenario.name.replace('/', '-')}.campaign"
     for path in scenario.files:
         add_input("the scenario", path)
     for path in Store(campaign, out).files():
         add_input("the campaign's store", path)
     if options["report_to"] is not None:
-        from schuler.report.page import graph_objects
+        from schuler.reports.page import graph_objects
 
         graph_objects()  # a missing library is said before the work
     with _progress(scenario.name) as progress:
-        results = run_campaign(
+        results = campaigns.campaign(
             campaign, out, workers=options["workers"], scheduler=options["scheduler"],
             progress=progress,
         )  # fmt: skip
@@ -88,7 +88,7 @@ def command(**options: Any) -> None:
     if options["json_to"] is not None:
         emit_json(_summary(results, scatters), options["json_to"])
     if options["report_to"] is not None:
-        from schuler.report.campaign import campaign_report
+        from schuler.reports.campaign import campaign_report
 
         campaign_report(scatters, scenario.name, _inputs(results), options["report_to"])
     if wants_text():

@@ -57,7 +57,7 @@ def command(**options: Any) -> None:
       schuler compare truck.imu --spec navigation-rlg --windows 100s
       schuler compare truck.imu --method centred,kalman --prefilter none,emd --json -
     """  # noqa: D301
-    from schuler.align.compare import DEFAULT_PAIRS, compare
+    from schuler.alignment.compare import DEFAULT_PAIRS, compare
     from schuler.record import ImuRecord
 
     spec, methods, prefilters, window, json_to, report_to = (
@@ -69,7 +69,7 @@ def command(**options: Any) -> None:
     if site is None:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
     if report_to is not None:
-        from schuler.report.page import graph_objects
+        from schuler.reports.page import graph_objects
 
         graph_objects()  # a missing library is said before the work, too
     pairs = DEFAULT_PAIRS
@@ -92,7 +92,7 @@ def command(**options: Any) -> None:
     if json_to is not None:
         emit_json(found.to_dict(), json_to)
     if report_to is not None:
-        from schuler.report.compare import comparison_report
+        from schuler.reports.compare import comparison_report
 
         comparison_report(found, report_to)
     if wants_text():

@@ -70,14 +70,14 @@ def _toml(begun: str) -> list[CompletionItem]:
 
 def methods(ctx: click.Context, param: click.Parameter, begun: str) -> list[CompletionItem]:
     """Complete the name of a method."""
-    from schuler.align import METHODS
+    from schuler.alignment import METHODS
 
     return _matching(list(METHODS), begun)
 
 
 def prefilters(ctx: click.Context, param: click.Parameter, begun: str) -> list[CompletionItem]:
     """Complete the name of a prefilter."""
-    from schuler.align.methods import PREFILTERS
+    from schuler.alignment.methods import PREFILTERS
 
     return _matching(["none", *PREFILTERS], begun)
 

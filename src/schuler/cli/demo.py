@@ -39,7 +39,7 @@ def command(out: str, seed: int, minutes: float) -> None:
     from schuler.cli.common import emit_json
     from schuler.motion import DisturbedVehicle
     from schuler.sensors import GRADES
-    from schuler.simulate import simulate
+    from schuler.simulation import simulate
 
     folder = Path(out)
     try:

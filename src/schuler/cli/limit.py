@@ -74,7 +74,7 @@ def command(**options: Any) -> None:
       schuler limit --spec mine.toml --lat 40 --positions two.toml --json -
       schuler limit --spec navigation-fog --lat 40 --time 300s --next-yaw 0:360
     """  # noqa: D301
-    from schuler.align import (
+    from schuler.alignment import (
         Fixture,
         Position,
         load_positions,
@@ -151,7 +151,7 @@ def command(**options: Any) -> None:
             }
         emit_json(data, options["json_to"])
     if options["report_to"] is not None:
-        from schuler.report.limit import limit_report
+        from schuler.reports.limit import limit_report
 
         limit_report(at, spec, site, positions, times, options["report_to"])
     if wants_text():

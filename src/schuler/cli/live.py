@@ -19,8 +19,8 @@ from schuler.cli.parameters import Count, InputFile, OutputFile, Seconds
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
-    from schuler.align import Alignment
-    from schuler.align.session import LiveSession, SpanFix
+    from schuler.alignment import Alignment
+    from schuler.alignment.session import LiveSession, SpanFix
 
 __all__ = ["command"]
 
@@ -90,7 +90,7 @@ def command(**options: Any) -> int:
       schuler live udp:0.0.0.0:5005 --lat 34.2 --from 192.168.0.7 --key-file imu.key
       cat /dev/ttyUSB0 | schuler live - --lat 34.2 --kind rates --json
     """  # noqa: D301
-    from schuler.align.session import LiveSession
+    from schuler.alignment.session import LiveSession
     from schuler.io.live_sources import check_sender, open_live_source
     from schuler.io.packets import read_key
 

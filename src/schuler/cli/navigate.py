@@ -27,10 +27,11 @@ from schuler.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from schuler.align import Alignment
+    from schuler.alignment import Alignment
     from schuler.earth import Site
-    from schuler.navigate import Evaluation, Navigator, Path, Start
+    from schuler.navigation import Evaluation, Navigator, Start
     from schuler.record import ImuRecord
+    from schuler.trajectory import Path
 
 __all__ = ["command"]
 
@@ -105,7 +106,7 @@ def command(**options: Any) -> int:
       schuler navigate truck.parquet --lat 34.2 --lon 108.9 --align 300s --reference truth.parquet
     """  # noqa: D301, E501
     from schuler.io.reference import read_reference
-    from schuler.navigate import Navigator, evaluate, parse_gravity, parse_vertical
+    from schuler.navigation import Navigator, evaluate, parse_gravity, parse_vertical
     from schuler.sensors import load_spec
 
     names = ("heading", "pitch", "roll")
@@ -123,7 +124,7 @@ def command(**options: Any) -> int:
     if align_for is None and angles["heading"] is None:
         raise InputError("the start's attitude is needed: say --heading, or --align 300s")
     if report_to is not None:
-        from schuler.report.page import graph_objects
+        from schuler.reports.page import graph_objects
 
         graph_objects()  # a missing library is said before the work, too
     truth = read_reference(against) if against else None
@@ -152,7 +153,7 @@ def command(**options: Any) -> int:
     if json_to is not None:
         emit_json(_data(path, navigator, source, fix, evaluation), json_to)
     if report_to is not None:
-        from schuler.report.navigation import navigation_report
+        from schuler.reports.navigation import navigation_report
 
         navigation_report(path, evaluation, report_to)
     if wants_text():
@@ -185,7 +186,7 @@ def _velocity(text: str | None) -> tuple[float, float, float]:
 def _start(
     site: Site, angles: dict[str, float | None], velocity: Any, fix: Alignment | None
 ) -> Start:
-    from schuler.navigate import Start
+    from schuler.navigation import Start
 
     if fix is not None:
         return Start.from_alignment(site, fix, velocity)
@@ -199,7 +200,7 @@ def _align(
     """Align the first part of a stream; return what was found and the rest of the stream."""
     from itertools import chain
 
-    from schuler.align import Aligner
+    from schuler.alignment import Aligner
 
     aligner = Aligner(site, None, spec)
     end: float | None = None

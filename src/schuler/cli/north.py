@@ -42,7 +42,7 @@ def command(**options: Any) -> None:
     """  # noqa: D301
     import numpy as np
 
-    from schuler.align.table import load_readings, table_north
+    from schuler.alignment.table_north import load_readings, table_north
     from schuler.constants import DEG
     from schuler.units import parse
 
@@ -59,7 +59,7 @@ def command(**options: Any) -> None:
     if options["json_to"] is not None:
         emit_json(found.to_dict(), options["json_to"])
     if options["report_to"] is not None:
-        from schuler.report.north import north_report
+        from schuler.reports.north import north_report
 
         north_report(found, options["report_to"])
     if wants_text():

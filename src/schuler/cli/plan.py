@@ -97,11 +97,11 @@ def centrifuge(**options: Any) -> None:
       schuler plan centrifuge --positions 6 --dwell 20s --time-limit 60s --seed 0 --json -
       schuler plan centrifuge --positions 4-12 --total 120s --time-limit 20s --report trade.html
     """  # noqa: D301
-    from schuler.calibrate import Limits, Objective, Plant, Problem, explore, plan
+    from schuler.centrifuge import Limits, Objective, Plant, Problem, explore, plan
 
     counts = _counts(options["positions"])
     if options["report_to"] is not None:
-        from schuler.report.page import graph_objects
+        from schuler.reports.page import graph_objects
 
         graph_objects()
     limits = Limits(*(_pair(options[key], key) for key in ("alpha", "beta", "gamma")))
@@ -129,7 +129,7 @@ def centrifuge(**options: Any) -> None:
             raise InputError("--resume goes on with one plan: say one number of --positions")
         settings |= _resumed(options["resume"], problem)
     if options["scheduler"]:
-        from schuler.campaign.execute import cluster_executor
+        from schuler.campaigns.execute import cluster_executor
 
         hired: Any = cluster_executor(options["scheduler"])
     else:
@@ -147,7 +147,7 @@ def centrifuge(**options: Any) -> None:
         }  # fmt: skip
         emit_json(data, options["json_to"])
     if options["report_to"] is not None:
-        from schuler.report.plan import plan_report
+        from schuler.reports.plan import plan_report
 
         plan_report(found, options["report_to"])
     if not wants_text():
@@ -190,7 +190,7 @@ def _resumed(path: str, problem: Any) -> dict[str, Any]:
     import numpy as np
 
     from schuler._files import parse_json
-    from schuler.calibrate import evaluate
+    from schuler.centrifuge import evaluate
 
     try:
         data = parse_json(Path(path).read_bytes())

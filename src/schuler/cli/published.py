@@ -65,7 +65,7 @@ def run_(
             )
     Options(runs, seed, workers)
     if report_to is not None:
-        from schuler.report.page import graph_objects
+        from schuler.reports.page import graph_objects
 
         graph_objects()  # a missing library is said before the work, too
     shown = sys.stderr.isatty()
@@ -85,6 +85,6 @@ def run_(
     if json_to is not None:
         emit_json(to_dict(found), json_to)
     if report_to is not None:
-        from schuler.report.published import published_report
+        from schuler.reports.published import published_report
 
         published_report(to_dict(found), report_to)

@@ -32,7 +32,7 @@ def compare(**options: Any) -> None:
       schuler rotation compare four_gyro_rotation.toml
       schuler rotation compare four_gyro_rotation.toml --json - --report rotation.html
     """  # noqa: D301
-    from schuler.navigate import RotationCase, compare_rotation, strapdown_end
+    from schuler.modulation import RotationCase, compare_rotation, strapdown_end
 
     case = RotationCase.from_toml(options["scenario"])
     found = compare_rotation(case)
@@ -52,7 +52,7 @@ def compare(**options: Any) -> None:
     if options["json_to"] is not None:
         emit_json(data, options["json_to"])
     if options["report_to"] is not None:
-        from schuler.report.rotation import rotation_report
+        from schuler.reports.rotation import rotation_report
 
         rotation_report(found, options["report_to"])
     if wants_text():
@@ -97,8 +97,8 @@ def _print(data: dict[str, Any]) -> None:
 @json_option("Write the averages as JSON (- : here).")
 def residual(**options: Any) -> None:
     """Say what a scheme leaves of each error on average."""
+    from schuler.modulation import residual as average
     from schuler.motion import SCHEMES, Limits, load_scheme, named_scheme
-    from schuler.navigate import residual as average
 
     name, rate, dwell = options["scheme"], options["rate"], options["dwell"]
     if name in SCHEMES:
@@ -170,8 +170,8 @@ def optimise(**options: Any) -> None:
     import numpy as np
 
     from schuler.constants import DEG_PER_HOUR
+    from schuler.modulation import optimise_scheme
     from schuler.motion import Dwell, Limits
-    from schuler.navigate import optimise_scheme
     from schuler.units import parse
 
     scheme, drift = optimise_scheme(

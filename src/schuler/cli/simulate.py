@@ -14,7 +14,7 @@ from schuler.cli.parameters import Count, InputFile, OutputFile
 
 if TYPE_CHECKING:
     from schuler.config import Scenario
-    from schuler.simulate import Simulation
+    from schuler.simulation import Simulation
 
 __all__ = ["command"]
 

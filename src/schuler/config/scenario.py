@@ -18,7 +18,7 @@ from schuler.sensors import ImuSpec
 
 if TYPE_CHECKING:
     from schuler.config.motions import MotionTable
-    from schuler.simulate import Simulation
+    from schuler.simulation import Simulation
 
 __all__ = ["Scenario"]
 
@@ -128,7 +128,7 @@ class Scenario:
         InputError
             If motion and record do not go together.
         """
-        from schuler.simulate import simulate
+        from schuler.simulation import simulate
 
         motion, instrument = self._generators(seed)
         return simulate(

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from schuler.align.methods import METHODS
+from schuler.alignment.methods import METHODS
 from schuler.config.motions import AnyMotion, Strict
 from schuler.config.quantities import (
     Acceleration,

@@ -14,7 +14,7 @@ from schuler.attitude import psi_to_heading, quat_to_euler
 from schuler.constants import DEG
 from schuler.errors import InputError
 from schuler.io.sealed import write_sealed
-from schuler.simulate import Truth
+from schuler.simulation import Truth
 
 __all__ = ["truth_path", "write_truth"]
 

@@ -1,12 +1,5 @@
 """Sums over stretches of about a second, for what a record looks like.
 
-Table rows: 0 end time, 1 duration, 2 samples, 3-5 sum of dtheta, 6-8 sum of dvel, 9 sum of |w|^2,
-10 sum of |f|^2, 11 sum of |f|, 12 largest |w|, 13 largest |f|, 14 smallest |f|. State: 0 rows that
-are complete, 1 wanted length of a stretch (s), 2 samples, 3 sum of squared second differences of
-the angle rate, 4 the same of the force, 5 their count, 6-11 the rates one sample ago, 12-17 two
-samples ago; 18-19, 20 the same sums and count over samples whose rates differ from those before,
-21-26 the rates before the last that differed, 27 how many have differed.
-
 When the table is full, neighbours are joined and the wanted length doubles: constant memory for
 any length and any chunking.
 """
@@ -16,10 +9,11 @@ from __future__ import annotations
 import math
 
 from schuler.kernels._jit import kernel
+from schuler.kernels.states import STRETCH_CAPACITY, StretchSums, SummaryState
 
-ROW = 15
-STATE_SIZE = 28
-CAPACITY = 8192
+CAPACITY = STRETCH_CAPACITY
+ROW = StretchSums.size
+STATE_SIZE = SummaryState.size
 
 SAME = 1e-9
 """Rates that differ by less repeat, but for rounding."""
@@ -27,14 +21,14 @@ SAME = 1e-9
 
 @kernel
 def summarise(state, table, time, dt, dtheta, dvel, values=None):
-    """Feed a chunk of samples; row `state[0]` of the table is the stretch under way.
+    """Feed a chunk of samples; row `rows` of the table is the stretch under way.
 
     Parameters
     ----------
     state : (STATE_SIZE,) float64
-        Zero but for entry 1, the wanted length (s), at the start.
+        `SummaryState`; zero but for the wanted length at the start.
     table : (CAPACITY, ROW) float64
-        Zero at the start.
+        `StretchSums` by `StretchSums`; zero at the start.
     time, dt, dtheta, dvel : (n,), (n,), (n, 3), (n, 3) float64
         The samples, as in `ImuRecord`.
     values : (n, 6) float64, optional

@@ -16,7 +16,7 @@ the arm each sensitivity is a combination of ten functions of the time s since t
 
 whose sums of products over the samples of a turn are one constant matrix, L L^T. So a turn counts
 as ten samples, L^T times the coefficients. From turn to turn all changes as a polynomial: two or
-three nodes of the Gaussian quadrature for sums (`schuler.calibrate.sums`) stand for the dwell.
+three nodes of the Gaussian quadrature for sums (`schuler.centrifuge.sums`) stand for the dwell.
 """
 
 from __future__ import annotations

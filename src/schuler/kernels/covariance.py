@@ -18,9 +18,10 @@ from __future__ import annotations
 
 from schuler.constants import EARTH_RATE
 from schuler.kernels._jit import kernel
+from schuler.kernels.states import ErrorStates
 from schuler.kernels.vec import cross
 
-STATES = 15
+STATES = ErrorStates.size
 
 
 @kernel
@@ -32,12 +33,11 @@ def propagate(work, noise, s, options, z, a, k, turn):
     work : (45, 15) float64
         Rows 0-14 the covariance, the rest room to work.
     noise : (5,) float64
-        Power densities: of the gyros' and accelerometers' white noise (rad^2/s, m^2/s^3), of the
-        random walk of their biases (rad^2/s^3, m^2/s^5); and the step, s.
+        `ErrorNoise`.
     s : (80,) float64
-        State of the navigation; 20-32 are its integrals over the step.
+        `StrapdownState` of the navigation, with its integrals over the step.
     options : (7,) float64
-        Of the navigation; the vertical channel is looked at.
+        `StrapdownOptions`; the vertical channel is looked at.
     z, a, k, turn
         The Earth's axis in n, curvature, and the rate of n against the Earth.
     """

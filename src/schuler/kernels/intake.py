@@ -1,44 +1,7 @@
 """From rows of a file to increments, one row at a time: rows are checked, then integrated.
 
 `check` takes rows as they come and passes on those that are valid; `schuler.kernels.spikes.screen`
-then replaces single bad samples; `integrate` fills gaps and makes increments. Rows on their way are
-`ROW` numbers each: 0 number of the row, 1 time, 2-7 values, 8 interval where it is known exactly
-(else 0), 9 rows to fill in before it, 10 time that is missing before it (s), or -1 where the row's
-own interval is not like the others.
-
-State layout (float64, `STATE_SIZE` long), all zero at the start:
-
-====== ======================================================================
-0      rows seen
-1      1 when a valid row has been seen
-2      1 when two rows are integrated (for the three-point formula)
-3      time of the last valid row
-4      interval that ended at the last integrated row (0 when unknown)
-5-10   values of the last integrated row
-11-16  values of the row before it
-17     rows dropped because a value was not finite
-18     rows dropped because they repeat the row before
-19     gaps bridged
-20     longest gap, s
-21     sum of dt, 22 sum of dt^2, 23 count of regular intervals (jitter)
-24     time of the first gap, 25 row of the first gap
-26     row of the first not-finite value, 27 its channel, 28 its time
-30-35  largest |value|, 36-41 current run of equal values,
-42-47  longest run at the largest |value|, 48-53 rows in such runs (of 3 or more)
-54-59  longest run of equal values at all
-60-65  sum of values, 66-71 sum of squares, 72 integrated rows that came (none of the filled)
-73     shortest regular interval, 74 longest regular interval
-75     time of the first valid row
-76     sum of |gyro|, 77 sum of |accel|
-78     1 when a row has been integrated, 79 its time
-80-85  values of the last valid row, as they came
-86-89  for the gyros: run of rows in which no value changes, changes, shortest and longest run
-       between two changes
-90-93  the same for the accelerometers
-94-99  values of the last integrated row that came
-100    rows in the history of `integrate`, since the last long gap
-101    samples interpolated
-====== ======================================================================
+then replaces single bad samples; `integrate` fills gaps and makes increments.
 """
 
 from __future__ import annotations
@@ -47,16 +10,13 @@ import math
 
 from schuler.kernels._jit import helper, kernel
 from schuler.kernels.gaps import HISTORY, SHORT, bridge, fill
+from schuler.kernels.states import LARGEST, IntakeRow, IntakeState
 
-STATE_SIZE = 104
-
-ROW = 11
+ROW = IntakeRow.size
+STATE_SIZE = IntakeState.size
 
 OK, BACKWARD, REPEATED, GAP, BAD_TIME, OVERLAP, TOO_LARGE = 0, 1, 2, 3, 4, 5, 6
 RATES, MEAN_RATES, INCREMENTS = 0, 1, 2
-
-LARGEST = 1e12
-"""Beyond any instrument in any unit (SI); squares and sums of such values stay finite."""
 
 
 @kernel

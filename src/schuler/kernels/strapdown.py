@@ -12,22 +12,6 @@ no latitude. The frame follows the ellipsoid by the curvature tensor
     K = I/(RN + h) + k z z^T,  k = RN e2 / (W2 (RM + h)(RN + h)),
 
 with z the level part of the Earth's axis in n, of length cosL: it has no singular point.
-
-===== ====================================================================
-0-3   q_b^n
-4-6   velocity in n, m/s
-7-10  q_n^e
-11    height, m
-12-14 acceleration of the last update in n, m/s^2
-15    time of the samples that wait, s
-16    time of the last update, s
-17    updates
-18    integral of the height damping, m/s^2
-19    updates since the last row
-20-28 integral of C_b^n, 29-31 of the force in n, 32 of time, since the last covariance
-33-39 the ellipsoid at the last look: as from `ellipsoid`, squared sine of latitude and height
-42 on as in tracking (samples before and samples waiting)
-===== ====================================================================
 """
 
 from __future__ import annotations
@@ -46,12 +30,12 @@ from schuler.constants import (
 from schuler.kernels._jit import helper, kernel
 from schuler.kernels.covariance import propagate
 from schuler.kernels.quat import qexp, qmul, qrotate, quat_to_matrix, rotation_averages
+from schuler.kernels.states import PathRow, StrapdownOptions, StrapdownState
 from schuler.kernels.tracking import combine
 from schuler.kernels.vec import Vec, add, axpy, cross, scale
 
-STATE_SIZE = 80
-ROW = 13
-"""Numbers in a row of the path: time, q_b^n, velocity in n, q_n^e, height."""
+STATE_SIZE = StrapdownState.size
+ROW = PathRow.size
 
 SOMIGLIANA, SOMIGLIANA1, PSINS, CONSTANT = 0, 1, 2, 3
 FREE, DAMPED, OFF = 0, 1, 2
@@ -61,8 +45,7 @@ SURVEY, RENORM = 8, 64
 
 TWELFTH = 1.0 / 12.0
 
-OPTIONS = 7
-"""Gravity's code and constant value; vertical's code, three gains and the height to hold."""
+OPTIONS = StrapdownOptions.size
 
 
 @helper
@@ -229,13 +212,13 @@ def navigate(
     Parameters
     ----------
     state : (STATE_SIZE,) float64
-        The start: attitude, velocity, position; the rest zero.
+        `StrapdownState`: attitude, velocity, position; the rest zero.
     n_sub : int
         Samples to an update, 1 to 4 (1 uses the sample before as well).
     coning, sculling : float
         1 to correct, 0 where the instrument has done it.
     options : (OPTIONS,) float64
-        See `OPTIONS`.
+        `StrapdownOptions`.
     time, dt, dtheta, dvel : (n,), (n,), (n, 3), (n, 3) float64
         The samples, as in `ImuRecord`.
     aid : (n,) or (0,) float64
@@ -243,7 +226,7 @@ def navigate(
     every : int
         Updates to a row of the path; the first row comes with the first update.
     out : (rows, ROW) float64
-        The path.
+        The path, `PathRow` by `PathRow`.
     cov, noise : (3 * 15, 15) and (5,) float64, or empty
         As in `schuler.kernels.covariance`; the step is noise[4], s.
     variances : (rows, 15) float64, or empty
@@ -330,8 +313,7 @@ def local(rows, out):
     ----------
     rows : (n, ROW) float64
     out : (n, 12) float64
-        Time; q_b^n with n = ENU; velocity east, north, up; latitude, longitude (rad), height; the
-        angle from east to the wander frame's x axis, counter-clockwise, rad.
+        `LocalRow` by `LocalRow`.
     """
     for i in range(rows.shape[0]):
         r0, r1, r2 = quat_to_matrix((rows[i, 8], rows[i, 9], rows[i, 10], rows[i, 11]))
@@ -370,8 +352,7 @@ def many(starts, options, dt, dtheta, dvel, errors, rng, ends):
     dtheta, dvel : (n, 3) float64
         True increments.
     errors : (runs, 26) float64
-        Gyro bias (3) and matrix (9, by rows), accelerometer bias (3) and matrix (9): measured =
-        true + M true + bias; then angle and velocity random walk, rad/sqrt(s) and m/s/sqrt(s).
+        `InstrumentErrors` of each run.
     rng : numpy.random.Generator
     ends : (runs, ROW) float64
         The last row of each path.

@@ -13,27 +13,9 @@ Coning and sculling: one sample with the one before it, or two, three or four sa
 update, with the compressed coefficients of Miller (1983), Ignagni (1996) and Savage (1998).
 The velocity's rotation correction is exact for a constant rate, not cut after its first term.
 
-The first 40 numbers of the state are cumulative; they and the sum of q are a node, a snapshot
-taken every so many updates (`_snapshot`). When the table of nodes is full every other one is
-dropped and the spacing doubles, so that memory is constant for any length and any chunking.
-
-===== ==========================================================
-0     time since the start, s
-1     updates
-2-5   q_b^ib0
-6-8   v, m/s
-9-11  sum of v
-12-14 sum of b
-15-23 sum of b v^T, by rows
-24-29 sum of b b^T: xx xy xz yy yz zz
-30-32 sum of dtheta (body axes), 33-35 sum of dvel
-36    sum of |w|, 37 sum of |w|^2, 38 sum of |f|, 39 sum of |f|^2
-40    time of the start, 41 samples
-42-44 dtheta before, 45-47 dvel before
-48    samples waiting, 49-72 the waiting samples
-73    nodes, 74 updates to a node, 75 updates since the last node
-76-79 sum of q_b^ib0 (40-43 of a node)
-===== ==========================================================
+The state begins with cumulative sums (`TrackerSums`); they and the sum of q are a node
+(`TrackerNode`), a snapshot taken every so many updates. When the table of nodes is full every other
+one is dropped and the spacing doubles, so that memory is constant for any length and any chunking.
 """
 
 from __future__ import annotations
@@ -43,17 +25,17 @@ import math
 from schuler.constants import EARTH_RATE
 from schuler.kernels._jit import helper, kernel
 from schuler.kernels.quat import qexp, qmul, qrotate, rotation_averages
+from schuler.kernels.states import NODE_CAPACITY, TrackerNode, TrackerState, TrackerSums
 from schuler.kernels.vec import Vec, add, axpy, cross
 
-PLAIN = 40
-"""Cumulative numbers at the state's head."""
+PLAIN = TrackerSums.size
+ROW = TrackerNode.size
+STATE_SIZE = TrackerState.size
 
-ROW = 44
-"""Size of a node: those, and the sum of q."""
-
-STATE_SIZE = 80
-NODE_CAPACITY = 4097
-"""Odd, so that dropping every other node keeps the first and the last."""
+__all__ = [
+    "NODE_CAPACITY", "PLAIN", "ROW", "STATE_SIZE", "TrackerNode", "TrackerState", "attitudes",
+    "combine", "gravity_basis", "track",
+]  # fmt: skip
 
 
 @helper
@@ -117,9 +99,9 @@ def track(state, nodes, n_sub, coning, sculling, time, dt, dtheta, dvel):
     Parameters
     ----------
     state : (STATE_SIZE,) float64
-        Zero but for q = (1, 0, 0, 0), and entry 74 = 1, at the start.
+        `TrackerState.begin` at the start.
     nodes : (NODE_CAPACITY, ROW) float64
-        Snapshots; row 0 is the start.
+        Snapshots (`TrackerNode`); row 0 is the start.
     n_sub : int
         Samples to an update, 1 to 4 (1 uses the sample before as well).
     coning, sculling : float

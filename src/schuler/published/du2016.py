@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler.modulation import RotationCase, end_errors, turned
 from schuler.motion import Limits, Scheme, named_scheme
-from schuler.navigate import RotationCase, end_errors, turned
 from schuler.published.result import Experiment, Options, Row, conditions, experiment
 from schuler.sensors import Lifetime, Reliability, named_array
 

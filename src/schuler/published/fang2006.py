@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.align import Fine, Position, align, position_limit
+from schuler.alignment import Fine, Position, align, position_limit
 from schuler.earth import Site
 from schuler.motion.turntable import AXES, Dwell, Turn, Turntable
 from schuler.published.result import (
@@ -21,7 +21,7 @@ from schuler.published.result import (
     misalignment,
 )
 from schuler.sensors import ImuSpec
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 
 __all__ = ["run", "table_of"]
 

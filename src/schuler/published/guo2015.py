@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.align import Inertial, align, inertial_frame_error, limit
-from schuler.align.history import inertial_to_local
+from schuler.alignment import Inertial, align, inertial_frame_error, limit
+from schuler.alignment.history import inertial_to_local
 from schuler.attitude import euler_to_quat, quat_to_matrix, rotate
 from schuler.constants import ARCMIN, DEG, DEG_PER_HOUR, MICRO_G
 from schuler.earth import Site
@@ -34,7 +34,7 @@ from schuler.published.result import (
 )
 from schuler.record import ImuRecord
 from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec, load_spec
-from schuler.simulate import Simulation, simulate
+from schuler.simulation import Simulation, simulate
 
 __all__ = ["READINGS", "instants", "run", "two_instants"]
 

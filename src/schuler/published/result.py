@@ -192,7 +192,7 @@ def each_run(
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
-    from schuler.campaign.worker import start
+    from schuler.campaigns.worker import start
 
     # Forked processes would inherit locks of the threads that Arrow has started.
     context = get_context("spawn")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.calibrate import (
+from schuler.centrifuge import (
     PUBLISHED_POSITIONS,
     Ekf,
     Objective,
@@ -20,7 +20,7 @@ from schuler.calibrate import (
     scheme_information,
     simulate_platform,
 )
-from schuler.calibrate.centrifuge import coefficient_names, coefficient_units
+from schuler.centrifuge.plant import coefficient_names, coefficient_units
 from schuler.published.result import (
     Experiment,
     Options,

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.align import Fine, Inertial, Method, align
-from schuler.align.compare import settle_time
+from schuler.alignment import Fine, Inertial, Method, align
+from schuler.alignment.compare import settle_time
 from schuler.earth import Site
 from schuler.motion import DisturbedVehicle
 from schuler.prefilter import Emd
@@ -22,7 +22,7 @@ from schuler.published.result import (
     misalignment,
 )
 from schuler.sensors import load_spec
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 
 __all__ = ["methods", "run"]
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.errors import InputError
+from schuler.kernels.states import IntakeRow, IntakeState, SpikeRow
 from schuler.record.imu import ImuRecord
 from schuler.record.quality import CHANNELS, Quality
 from schuler.record.spikes import WARM_UP, Spike, allowed, check_count
@@ -85,7 +86,7 @@ class Intake:
             "name": name,
         }
         self._keep_spikes = keep_spikes
-        self._state = np.zeros(k.STATE_SIZE)
+        self._state = IntakeState.zeros()
         self._waiting: list[tuple[Array, Array, Array | None]] = []
         self._waiting_rows = 0
         self._opened = self._closed = False
@@ -95,11 +96,11 @@ class Intake:
         self._screened = self._done = 0
         self._settings = np.zeros((6, spikes.SETTING))
         self._history = np.zeros((gaps.HISTORY, 6))
-        self._found = np.empty((0, 5))
+        self._found = np.empty((0, SpikeRow.size))
 
     def skip(self, rows: int) -> None:
         """Count rows that are left out, so that later ones keep their number; before any `push`."""
-        self._state[0] += rows
+        self._state.rows += rows
 
     def push(self, time: Array, values: Array, dt: Array | None = None) -> ImuRecord:
         """Take rows and return the samples that they complete (possibly none).
@@ -149,7 +150,7 @@ class Intake:
         times = [t for t, _, _ in self._waiting]
         rows = [v for _, v, _ in self._waiting]
         return {
-            "intake": self._state.copy(),
+            "intake": self._state.data.copy(),
             "intake_nominal": np.array([self._nominal or 0.0]),
             "intake_times": np.concatenate([np.empty(0), *times]),
             "intake_rows": np.concatenate([np.empty((0, 6)), *rows]),
@@ -176,7 +177,7 @@ class Intake:
             check_intake(arrays)
         except LayoutError as error:
             raise InputError(f"the saved state of an intake is damaged: {error}") from None
-        self._state = arrays["intake"].copy()
+        self._state = IntakeState(arrays["intake"].copy())
         self._nominal = float(arrays["intake_nominal"][0]) or None
         times = arrays["intake_times"]
         self._waiting = [(times, arrays["intake_rows"], None)] if len(times) else []
@@ -198,7 +199,7 @@ class Intake:
             )
         bad = np.flatnonzero(~(np.isfinite(dt) & (dt > 0)))
         if len(bad):
-            row = int(self._state[0]) + self._waiting_rows * (not self._opened) + bad[0] + 1
+            row = int(self._state.rows) + self._waiting_rows * (not self._opened) + bad[0] + 1
             raise InputError(
                 f"data row {row} (t = {time_text(float(time[bad[0]]))} s): the interval "
                 f"dt = {dt[bad[0]]:g} s must be a positive number; repair the row "
@@ -238,11 +239,11 @@ class Intake:
         assert nominal is not None
         max_gap = self._max_gap if self._max_gap is not None else 6.5 * nominal
         k = self._k
-        base = int(self._state[0])
+        base = int(self._state.rows)
         begin = len(self._rows)
         rows = np.empty((begin + len(time), k.ROW))
         rows[:begin] = self._rows
-        m, code, row = k.check(self._state, nominal, max_gap, time, values, rows[begin:], dt)
+        m, code, row = k.check(self._state.data, nominal, max_gap, time, values, rows[begin:], dt)
         self._rows = rows[: begin + m]
         if code == k.OK or m:
             # What comes before a bad row is judged first, so that chunking cannot matter.
@@ -265,7 +266,7 @@ class Intake:
         first = n
         if start:
             # By the rows of the warm-up alone, so that chunking cannot matter.
-            first = int(np.searchsorted(self._rows[:, 0], base + WARM_UP, side="right"))
+            first = int(np.searchsorted(IntakeRow(self._rows).number, base + WARM_UP, side="right"))
         if self._keep_spikes or (start and first < k.LEAST):
             self._keep_spikes = True
             self._screened = n
@@ -274,7 +275,7 @@ class Intake:
             assert self._nominal is not None
             k.set_smallest(self._settings, self._nominal, self.kind == "increments")
             k.learn(self._rows, first, self._settings)
-        found = np.empty((allowed(int(self._state[0])) - len(self._found) + 1, 5))
+        found = np.empty((allowed(int(self._state.rows)) - len(self._found) + 1, SpikeRow.size))
         self._screened, count = k.screen(
             self._rows, n, self._screened, first, self._closed, self._settings, found
         )
@@ -286,12 +287,12 @@ class Intake:
         """Return the samples of the rows that have been looked at."""
         rows, begin, end = self._rows, self._done, self._screened
         # Each row is a sample, and so is each that is filled in.
-        size = end - begin + int(np.minimum(rows[begin:end, 9], _FILLED).sum()) + 1
+        size = end - begin + int(np.minimum(IntakeRow(rows).lost[begin:end], _FILLED).sum()) + 1
         out_t, out_dt, out = np.empty(size), np.empty(size), np.empty((size, 6))
         rates = self.kind == "rates"
         values = np.empty((size + 1 if rates else 1, 6))
         m, self._done = self._k.integrate(
-            self._state, self._history, self._code, nominal, rows, begin, end, self._closed,
+            self._state.data, self._history, self._code, nominal, rows, begin, end, self._closed,
             out_t, out_dt, out, values,
         )  # fmt: skip
         # Rows behind the next to be looked at are its neighbours.
@@ -316,7 +317,7 @@ class Intake:
                 "right time column"
             )
         where = f"data row {row} (t = {time_text(t)} s)"
-        last = float(self._state[3])
+        last = float(self._state.last_time)
         if code == k.BACKWARD:
             raise InputError(
                 f"{where}: time goes backward, from {time_text(last)} s; sort the rows, or cut the "

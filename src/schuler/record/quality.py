@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.kernels.states import IntakeState
 from schuler.record.spikes import Spike, spikes_warning
 from schuler.units import time_text
 
@@ -54,63 +55,64 @@ class Quality:
     @classmethod
     def from_state(
         cls,
-        state: NDArray[np.float64],
+        state: IntakeState,
         nominal: float,
         kind: str,
         spikes: tuple[Spike, ...] = (),
     ) -> Quality:
         """Read an intake kernel's state (`schuler.kernels.intake`)."""
         s = state
-        n = int(s[72])
+        n = int(s.integrated)
         safe = max(n, 1)
-        mean = s[60:66] / safe
-        std = np.sqrt(np.maximum(s[66:72] / safe - mean**2, 0.0))
-        regular = int(s[23])
+        mean = s.sum_values / safe
+        std = np.sqrt(np.maximum(s.sum_values2 / safe - mean**2, 0.0))
+        regular = int(s.regular)
         jitter = 0.0
         if regular > 1:
-            m = s[21] / regular
-            jitter = float(np.sqrt(max(s[22] / regular - m * m, 0.0)))
+            m = float(s.sum_dt) / regular
+            jitter = float(np.sqrt(max(float(s.sum_dt2) / regular - m * m, 0.0)))
             # Rounded time stamps of a perfect clock differ by a few ulps: no jitter.
             jitter = 0.0 if jitter < 1e-7 * m else jitter
         saturated, stuck = [], []
-        holds = _hold(s[86:90], n), _hold(s[90:94], n)
+        holds = _hold(s.holds[0], n), _hold(s.holds[1], n)
         for j, label in enumerate(CHANNELS):
-            if n >= 10 and s[54 + j] >= n:
+            if n >= 10 and s.longest_run[j] >= n:
                 stuck.append(f"{label} is {mean[j]:.6g} in every row")
             elif (
-                s[42 + j] >= 5 * holds[j // 3]
-                and s[30 + j] > abs(mean[j]) + 2.0 * std[j]
-                and s[48 + j] >= 5
+                s.run_at_largest[j] >= 5 * holds[j // 3]
+                and s.largest[j] > abs(mean[j]) + 2.0 * std[j]
+                and s.rows_at_largest[j] >= 5
             ):
-                stuck_rows = int(s[48 + j])
+                stuck_rows = int(s.rows_at_largest[j])
                 saturated.append(
-                    f"{label} stays at its extreme {s[30 + j]:.6g} for {int(s[42 + j])} rows "
-                    f"running ({stuck_rows} rows in all)"
+                    f"{label} stays at its extreme {s.largest[j]:.6g} for "
+                    f"{int(s.run_at_largest[j])} rows running ({stuck_rows} rows in all)"
                 )
         where = ""
-        if s[17] > 0:
-            where = f"data row {int(s[26])} (t = {_instant(s[28])} s), {CHANNELS[int(s[27])]}"
+        if s.not_finite > 0:
+            when, channel = _instant(float(s.bad_time)), CHANNELS[int(s.bad_channel)]
+            where = f"data row {int(s.bad_row)} (t = {when} s), {channel}"
         return cls(
-            rows=int(s[0]),
+            rows=int(s.rows),
             valid_rows=n,
             nominal_dt=nominal,
             jitter_rms=jitter,
-            shortest_dt=float(s[73]),
-            longest_dt=float(s[74]),
-            not_finite=int(s[17]),
+            shortest_dt=float(s.shortest_dt),
+            longest_dt=float(s.longest_dt),
+            not_finite=int(s.not_finite),
             first_not_finite=where,
-            repeated=int(s[18]),
-            gaps=int(s[19]),
-            longest_gap=float(s[20]),
-            first_gap_time=float(s[24]),
+            repeated=int(s.repeated),
+            gaps=int(s.gaps),
+            longest_gap=float(s.longest_gap),
+            first_gap_time=float(s.first_gap_time),
             saturated=tuple(saturated),
             stuck=tuple(stuck),
             mean=tuple(float(v) for v in mean),
             std=tuple(float(v) for v in std),
-            mean_norm_gyro=float(s[76]) / safe,
-            mean_norm_accel=float(s[77]) / safe,
+            mean_norm_gyro=float(s.sum_norms[0]) / safe,
+            mean_norm_accel=float(s.sum_norms[1]) / safe,
             spikes=spikes,
-            interpolated=int(s[101]),
+            interpolated=int(s.interpolated),
             hold_gyro=holds[0],
             hold_accel=holds[1],
         )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from schuler.constants import DEG
 from schuler.errors import InputError
+from schuler.kernels.states import IntakeRow, SpikeRow
 
 if TYPE_CHECKING:
     from schuler.record.imu import ImuRecord
@@ -59,11 +60,17 @@ class Spike:
         """Make one of what `schuler.kernels.spikes.screen` found."""
         from schuler.record.quality import CHANNELS
 
-        j = int(found[2])
+        row = SpikeRow(found)
+        j = int(row.channel)
         increments = kind == "increments"
         unit = ("rad" if j < 3 else "m/s") if increments else ("rad/s" if j < 3 else "m/s^2")
         return cls(
-            int(found[0]), float(found[1]), CHANNELS[j], float(found[3]), float(found[4]), unit
+            int(row.row),
+            float(row.time),
+            CHANNELS[j],
+            float(row.value),
+            float(row.replaced_by),
+            unit,
         )
 
 
@@ -99,13 +106,16 @@ def check_count(found: Array, kind: str) -> None:
     InputError
         At the first that is too many, whatever follows.
     """
-    over = np.flatnonzero(np.arange(1, len(found) + 1) > _ALLOWED + _ALLOWED_A_ROW * found[:, 0])
+    over = np.flatnonzero(
+        np.arange(1, len(found) + 1) > _ALLOWED + _ALLOWED_A_ROW * SpikeRow(found).row
+    )
     if len(over):
-        last = found[over[0]]
+        last = SpikeRow(found[over[0]])
         raise InputError(
-            f"{over[0] + 1} samples up to data row {int(last[0])} (t = {last[1]:.10g} s) stand far "
-            f"beyond both neighbours, the first at {spike_text(Spike.from_row(found[0], kind))}: "
-            "more than a few bad samples; mend the record, or keep them with --keep-spikes"
+            f"{over[0] + 1} samples up to data row {int(last.row)} (t = {float(last.time):.10g} s) "
+            "stand far beyond both neighbours, the first at "
+            f"{spike_text(Spike.from_row(found[0], kind))}: more than a few bad samples; mend the "
+            "record, or keep them with --keep-spikes"
         )
 
 
@@ -137,25 +147,25 @@ def without_spikes(record: ImuRecord) -> tuple[ImuRecord, tuple[Spike, ...]]:
     >>> [(spike.row, spike.channel) for spike in spikes]
     [(101, 'gyro z')]
     """
-    from schuler.kernels import intake
     from schuler.kernels import spikes as k
 
     n = len(record)
     if n < k.LEAST or record.dtheta.shape[1] != 3 or record.dvel.shape[1] != 3:
         return record, ()
-    rows = np.zeros((n, intake.ROW))
-    rows[:, 0] = np.arange(1, n + 1)
-    rows[:, 1] = record.time
-    rows[:, 2:5], rows[:, 5:8] = record.dtheta, record.dvel
-    rows[:, 10] = np.where(np.abs(record.dt / np.median(record.dt) - 1.0) > 0.2, -1.0, 0.0)
+    named = IntakeRow.zeros(n)
+    named.number = np.arange(1.0, n + 1)
+    named.time = record.time
+    named.values = np.hstack([record.dtheta, record.dvel])
+    named.missing = np.where(np.abs(record.dt / np.median(record.dt) - 1.0) > 0.2, -1.0, 0.0)
+    rows = named.data
     settings = np.zeros((6, k.SETTING))
     first = min(n, WARM_UP)
     k.set_smallest(settings, float(np.median(record.dt)), True)
     k.learn(rows, first, settings)
-    found = np.empty((allowed(n) + 1, 5))
+    found = np.empty((allowed(n) + 1, SpikeRow.size))
     _, count = k.screen(rows, n, 0, first, True, settings, found)
     if not count:
         return record, ()
     check_count(found[:count], "increments")
-    mended = replace(record, dtheta=rows[:, 2:5].copy(), dvel=rows[:, 5:8].copy())
+    mended = replace(record, dtheta=named.values[:, :3].copy(), dvel=named.values[:, 3:].copy())
     return mended, tuple(Spike.from_row(row, "increments") for row in found[:count])

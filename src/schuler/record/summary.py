@@ -12,6 +12,7 @@ from schuler._notebook import Shown
 from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G, STANDARD_GRAVITY
 from schuler.earth import Site
 from schuler.errors import InputError
+from schuler.kernels.states import StretchSums, SummaryState
 from schuler.record.check import check_record
 from schuler.record.hints import Reading
 from schuler.record.imu import ImuRecord
@@ -76,7 +77,7 @@ class Summary(Shown):
     stretches : tuple of Stretch
         Quiet and disturbed, in order, without holes.
     blocks : (k, 15) float64
-        Sums over about a second each (`schuler.kernels.blocks`).
+        Sums over about a second each, `StretchSums` by `StretchSums`.
     """
 
     start: float
@@ -91,6 +92,11 @@ class Summary(Shown):
     wander_rate: float
     stretches: tuple[Stretch, ...]
     blocks: Array = field(repr=False)
+
+    @property
+    def stretch_sums(self) -> StretchSums:
+        """The blocks by the names of their numbers."""
+        return StretchSums(self.blocks)
 
     @property
     def duration(self) -> float:
@@ -168,22 +174,28 @@ class Summariser:
         from schuler.kernels import blocks
 
         self._kernel: Callable[..., None] = blocks.summarise
-        self._state = np.zeros(blocks.STATE_SIZE)
-        self._state[1] = 1.0
+        self._state = SummaryState.zeros()
+        self._state.length = 1.0
         self._table = np.zeros((blocks.CAPACITY, blocks.ROW))
 
     def push(self, record: ImuRecord) -> None:
         """Take a chunk of three gyros and three accelerometers."""
         values = None if record.values is None else record.values[1:]
         self._kernel(
-            self._state, self._table, record.time, record.dt, record.dtheta, record.dvel, values
+            self._state.data,
+            self._table,
+            record.time,
+            record.dt,
+            record.dtheta,
+            record.dvel,
+            values,
         )
 
     def arrays(self) -> dict[str, Array]:
         """Return all that a later summariser needs to go on in this one's place."""
         # Rows after the one under way are zero.
-        rows = int(self._state[0]) + 1
-        return {"summary": self._state.copy(), "summary_table": self._table[:rows].copy()}
+        rows = int(self._state.rows) + 1
+        return {"summary": self._state.data.copy(), "summary_table": self._table[:rows].copy()}
 
     def restore(self, arrays: dict[str, Array]) -> None:
         """Go on in the place of the summariser that gave the arrays.
@@ -200,7 +212,7 @@ class Summariser:
         except LayoutError as error:
             raise InputError(f"the saved state of a summary is damaged: {error}") from None
         table = arrays["summary_table"]
-        self._state[:] = arrays["summary"]
+        self._state = SummaryState(arrays["summary"].copy())
         self._table[:] = 0.0
         self._table[: len(table)] = table
 
@@ -212,52 +224,59 @@ class Summariser:
         InputError
             If there was nothing.
         """
-        rows = int(self._state[0])
-        table = self._table[: rows + 1] if self._table[rows, 2] > 0 else self._table[:rows]
+        state = self._state
+        rows = int(state.rows)
+        table = self._table[: rows + int(StretchSums(self._table).samples[rows] > 0)]
         if not len(table):
             raise InputError("the record has no samples to summarise")
         # A last stretch of a few samples is no estimate of anything: join it to the one before.
-        if len(table) > 1 and table[-1, 1] < 0.5 * table[-2, 1]:
-            joined = table[-2:].copy()
-            last = joined.sum(axis=0)
-            last[0] = joined[1, 0]
-            last[12:14] = joined[:, 12:14].max(axis=0)
-            last[14] = joined[:, 14].min()
-            table = np.vstack([table[:-2], last])
-        table = table.copy()
-        total = table.sum(axis=0)
-        count = max(self._state[5], 1.0)
-        interval = float(total[1] / total[2])
+        durations = StretchSums(table).duration
+        if len(table) > 1 and durations[-1] < 0.5 * durations[-2]:
+            table = np.vstack([table[:-2], joined_stretches(table[-2:], np.array([0]))])
+        each = StretchSums(table.copy())
+        total = StretchSums(each.data.sum(axis=0))
+        count = max(float(state.differences), 1.0)
+        interval = float(total.duration / total.samples)
         # Second differences of white noise have six times its variance, on three axes.
-        noise = np.sqrt(self._state[3:5] / count / 18.0 * interval)
-        new = self._state[27]
-        if 2.0 < new <= _HELD * self._state[2]:
+        noise = np.sqrt(state.differences2 / count / 18.0 * interval)
+        new = float(state.new_values)
+        if 2.0 < new <= _HELD * float(state.samples):
             # Held values: differences between those that are new, over the interval between them.
-            each = float(total[1]) / new
-            noise = np.sqrt(self._state[18:20] / self._state[20] / 18.0 * each)
-        rate = table[:, 3:6] / table[:, 1:2]
-        begin = float(table[0, 0] - table[0, 1])
+            apart = float(total.duration) / new
+            noise = np.sqrt(state.new_differences2 / float(state.new_differences) / 18.0 * apart)
+        rate = each.sum_dtheta / each.duration[:, None]
+        begin = float(each.end[0] - each.duration[0])
         begin = 0.0 if abs(begin) < 1e-6 * interval else begin
-        mean_rate = total[3:6] / total[1]
+        mean_rate = total.sum_dtheta / total.duration
         return Summary(
             start=begin,
-            end=float(table[-1, 0]),
-            samples=int(total[2]),
+            end=float(each.end[-1]),
+            samples=int(total.samples),
             interval=interval,
             mean_rate=mean_rate,
-            mean_force=total[6:9] / total[1],
-            mean_force_norm=float(total[11] / total[2]),
+            mean_force=total.sum_dvel / total.duration,
+            mean_force_norm=float(total.sum_force / total.samples),
             noise_gyro=float(noise[0]),
             noise_accel=float(noise[1]),
             wander_rate=float(np.sqrt(np.mean((rate - mean_rate) ** 2))),
-            stretches=_stretches(table),
-            blocks=table,
+            stretches=_stretches(each),
+            blocks=each.data,
         )
 
 
-def _wander(table: Array, columns: slice, group: int) -> Array:
+def joined_stretches(table: Array, starts: NDArray[np.int64]) -> Array:
+    """Return the rows of a table of stretches joined, each from one start to the next."""
+    old, out = StretchSums(table), StretchSums(np.add.reduceat(table, starts, axis=0))
+    out.end = old.end[np.append(starts[1:], len(table)) - 1]
+    out.largest_rate = np.maximum.reduceat(old.largest_rate, starts)
+    out.largest_force = np.maximum.reduceat(old.largest_force, starts)
+    out.smallest_force = np.minimum.reduceat(old.smallest_force, starts)
+    return out.data
+
+
+def _wander(total: Array, duration: Array, group: int) -> Array:
     """Return how far second means move from one to the next, rms over groups of rows."""
-    mean = table[:, columns] / table[:, 1:2]
+    mean = total / duration[:, None]
     step = np.sum(np.diff(mean, axis=0) ** 2, axis=1)
     step = np.append(step, step[-1] if len(step) else 0.0)
     starts = np.arange(0, len(step), group)
@@ -265,13 +284,13 @@ def _wander(table: Array, columns: slice, group: int) -> Array:
     return np.asarray(np.sqrt(np.add.reduceat(step, starts) / size))
 
 
-def _moved(table: Array, group: int) -> NDArray[np.bool_]:
+def _moved(table: StretchSums, group: int) -> NDArray[np.bool_]:
     """Say of each stretch whether the unit moved in it, by bounds in deg and m/s^2.
 
     The force tells: a wrong unit of the gyros looks like a turn, but it does not move the force.
     """
-    force = table[:, 6:9] / table[:, 1:2]
-    starts = np.arange(0, len(table), group)
+    force = table.sum_dvel / table.duration[:, None]
+    starts = np.arange(0, len(force), group)
     moved = np.zeros(len(starts), bool)
     for k, a in enumerate(starts):
         f = force[a : a + group]
@@ -288,20 +307,20 @@ def _moved(table: Array, group: int) -> NDArray[np.bool_]:
     return moved
 
 
-def _stretches(table: Array) -> tuple[Stretch, ...]:
+def _stretches(table: StretchSums) -> tuple[Stretch, ...]:
     """Tell quiet from disturbed stretches: by the quietest tenth of the record itself."""
-    group = max(1, round(_STRETCH / float(np.median(table[:, 1]))))
+    group = max(1, round(_STRETCH / float(np.median(table.duration))))
     moved = _moved(table, group)
     disturbed = moved.copy()
-    for columns in (slice(3, 6), slice(6, 9)):
-        wander = _wander(table, columns, group)
+    for total in (table.sum_dtheta, table.sum_dvel):
+        wander = _wander(total, table.duration, group)
         # A unit that moves, however steadily, is no measure of quiet.
         still = wander[~moved] if not moved.all() else wander
         disturbed |= wander > _LOUD * np.quantile(still, 0.1) + 1e-300
     out: list[Stretch] = []
-    begin = table[:, 0] - table[:, 1]
+    begin = table.end - table.duration
     for k, flag in enumerate(disturbed):
-        end = float(table[min((k + 1) * group, len(table)) - 1, 0])
+        end = float(table.end[min((k + 1) * group, len(begin)) - 1])
         if out and out[-1].disturbed == bool(flag):
             last = out[-1]
             out[-1] = Stretch(last.start, end, bool(flag), last.moved and bool(moved[k]))

@@ -1,0 +1,77 @@
+"""Finding the attitude of a standing vehicle, with its uncertainty."""
+
+from __future__ import annotations
+
+from schuler.alignment.aligner import Aligner, align
+from schuler.alignment.bound import Limit, Position, limit, load_positions, position_limit
+from schuler.alignment.compare import Comparison, compare
+from schuler.alignment.convergence import Convergence, convergence
+from schuler.alignment.latitude import LatitudeFix, align_without_latitude
+from schuler.alignment.live import LiveAligner
+from schuler.alignment.methods import (
+    METHODS,
+    PREFILTERS,
+    Analytic,
+    Auto,
+    Fine,
+    Gyrocompass,
+    Inertial,
+    Method,
+    parse_method,
+    parse_prefilter,
+    with_prefilter,
+)
+from schuler.alignment.next_position import Fixture, Suggestion, suggest_position
+from schuler.alignment.result import Alignment
+from schuler.alignment.session import LiveSession
+from schuler.alignment.stationary.disturbance import Residual, residual
+from schuler.alignment.stationary.error_formulas import (
+    analytic_error,
+    bias_formula,
+    inertial_error,
+    inertial_frame_error,
+)
+from schuler.alignment.stationary.kalman import FinePass
+from schuler.alignment.windows import Windows, align_windows
+
+__all__ = [
+    "METHODS",
+    "PREFILTERS",
+    "Aligner",
+    "Alignment",
+    "Analytic",
+    "Auto",
+    "Comparison",
+    "Convergence",
+    "Fine",
+    "FinePass",
+    "Fixture",
+    "Gyrocompass",
+    "Inertial",
+    "LatitudeFix",
+    "Limit",
+    "LiveAligner",
+    "LiveSession",
+    "Method",
+    "Position",
+    "Residual",
+    "Suggestion",
+    "Windows",
+    "align",
+    "align_windows",
+    "align_without_latitude",
+    "analytic_error",
+    "bias_formula",
+    "compare",
+    "convergence",
+    "inertial_error",
+    "inertial_frame_error",
+    "limit",
+    "load_positions",
+    "parse_method",
+    "parse_prefilter",
+    "position_limit",
+    "residual",
+    "suggest_position",
+    "with_prefilter",
+]

@@ -1,0 +1,399 @@
+"""`Aligner`: chunks in, an alignment out at any time; `align` is one update."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.alignment.assessment import assess, capped
+from schuler.alignment.bound import limit, position_limit
+from schuler.alignment.estimate import QUIET, Estimate, estimate
+from schuler.alignment.history import History
+from schuler.alignment.methods import (
+    Analytic,
+    Auto,
+    Fine,
+    Gyrocompass,
+    Inertial,
+    Method,
+    parse_method,
+    with_prefilter,
+)
+from schuler.alignment.result import Alignment
+from schuler.alignment.stationary.gyrocompass import compass_alignment
+from schuler.alignment.stationary.kalman import fine_alignment
+from schuler.attitude import nearest_quat
+from schuler.constants import ARCMIN
+from schuler.earth import Site
+from schuler.errors import InputError, expect
+from schuler.kernels.states import TrackerState
+from schuler.record import ImuRecord, Reading, Summariser, without_spikes
+from schuler.record.spikes import spikes_warning
+from schuler.sensors import ImuSpec, SensorArray, load_array, load_spec
+
+__all__ = ["Aligner", "align"]
+
+Array = NDArray[np.float64]
+
+POLE = 89.0
+"""Latitude (deg) beyond which the Earth's rotation has too little level part for a heading."""
+
+HOW_RECORD = "read a file with schuler.read, a table with schuler.io.from_pandas"
+HOW_SITE = "say schuler.Site(lat, lon, height)"
+
+_BIAS_MISSING = (
+    "no instrument specification was given: sigma holds the disturbance seen in the record, but "
+    "no gyro or accelerometer bias (say --spec navigation-fog, or a TOML file)"
+)
+
+
+class Aligner:
+    """Align a stream: `update` with chunks, `solution` whenever it is wanted.
+
+    Memory is constant for any length, unless a prefilter needs the whole record, and any chunking
+    gives the same bits.
+
+    Parameters
+    ----------
+    site : Site
+        Latitude and height; the longitude is not needed.
+    method : Method or str, optional
+        `Auto()` by default; see `METHODS`.
+    spec : ImuSpec, str or path, optional
+        The instrument: a grade, a TOML file or an `ImuSpec`.
+    at : {"end", "start"}
+        The instant of the attitude.
+    array : SensorArray or str, optional
+        Geometry of redundant gyros: records then have a column for each. The specification stays
+        that of the fused triad.
+    reading : Reading, optional
+        How the values were read, so that no hint is given that cannot be true.
+
+    Raises
+    ------
+    InputError
+        For an unknown method or specification, or a site too near a pole.
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        method: Method | str | None = None,
+        spec: ImuSpec | str | Path | None = None,
+        *,
+        at: str = "end",
+        array: SensorArray | str | None = None,
+        reading: Reading | None = None,
+    ) -> None:
+        from schuler.kernels import tracking
+
+        expect(site, Site, "site", HOW_SITE)
+        if abs(site.lat) > POLE:
+            raise InputError(
+                f"latitude {site.lat:g} deg is within {90 - POLE:g} deg of a pole: heading cannot "
+                "be found from the Earth's rotation there"
+            )
+        if at not in ("start", "end"):
+            raise InputError(f"at must be start or end, got '{at}'")
+        self.site = site
+        self.method = parse_method(method)
+        self.spec = load_spec(spec)
+        self.at = at
+        self.array = None if array is None else load_array(array)
+        self.reading = reading
+        self._tracking = tracking
+        self._state = TrackerState.begin()
+        self._nodes = np.zeros((tracking.NODE_CAPACITY, tracking.ROW))
+        self._subsamples = 0
+        self._flags = (1.0, 1.0)
+        self._tail = (np.empty(0), np.empty(0))
+        self._summariser = Summariser()
+        self._held: list[ImuRecord] = []
+        self._name = "record"
+        self._quality: list[str] = []
+
+    @property
+    def samples(self) -> int:
+        """Samples taken so far."""
+        if self.method.prefilter is not None:
+            return sum(len(chunk) for chunk in self._held)
+        return int(self._state.samples)
+
+    def update(self, chunk: ImuRecord) -> Aligner:
+        """Take a chunk that follows the last one; return self.
+
+        Raises
+        ------
+        InputError
+            If the chunk has not three gyros and three accelerometers, or does not follow.
+        """
+        expect(chunk, ImuRecord, "record", HOW_RECORD)
+        if not len(chunk):
+            return self
+        if self.array is not None:
+            chunk = self.array.fuse(chunk)
+        if chunk.dtheta.shape[1] != 3 or chunk.dvel.shape[1] != 3:
+            raise InputError(
+                "an alignment needs three gyros and three accelerometers, got "
+                f"{chunk.dtheta.shape[1]} and {chunk.dvel.shape[1]}; of more gyros, name the "
+                "array's geometry"
+            )
+        if len(self._tail[0]) and chunk.time[0] <= self._tail[0][-1]:
+            raise InputError(
+                f"a chunk starts at t = {chunk.time[0]:.9g} s, not after the last sample "
+                f"({self._tail[0][-1]:.9g} s)"
+            )
+        if self.method.prefilter is not None:
+            self._tail = (chunk.time[-1:], chunk.dt[-1:])
+            self._held.append(chunk)
+            return self
+        if isinstance(self.method, (Fine, Gyrocompass)):
+            self._held.append(chunk)
+        if not self._subsamples:
+            self._open(chunk)
+        self._tracking.track(
+            self._state.data, self._nodes, self._subsamples, *self._flags,
+            chunk.time, chunk.dt, chunk.dtheta, chunk.dvel,
+        )  # fmt: skip
+        self._summariser.push(chunk)
+        last = (np.concatenate([a, b[-4:]])[-4:] for a, b in zip(
+            self._tail, (chunk.time, chunk.dt), strict=True
+        ))  # fmt: skip
+        self._tail = (next(last), next(last))
+        if chunk.quality is not None:
+            self._quality = chunk.quality.warnings()
+        return self
+
+    def _open(self, chunk: ImuRecord) -> None:
+        self._name = chunk.name
+        # A corrected increment leaves nothing for several samples to correct.
+        self._flags = (float(not chunk.coning_corrected), float(not chunk.sculling_corrected))
+        wanted = self.method.subsamples if isinstance(self.method, (Inertial, Auto)) else None
+        if wanted is None:
+            # By the first interval alone, so that chunking cannot matter.
+            rate = 1.0 / float(chunk.dt[0])
+            wanted = 1 + (rate >= 400) + (rate >= 1000) + (rate >= 2000)
+            if chunk.coning_corrected and chunk.sculling_corrected:
+                wanted = 1
+        self._subsamples = int(wanted)
+
+    def arrays(self) -> dict[str, Array]:
+        """Return all that a later aligner needs to go on in this one's place."""
+        return {
+            "tracker": self._state.data.copy(),
+            "tracker_nodes": self._nodes[: int(self._state.nodes)].copy(),
+            "tracker_tail": np.stack(self._tail),
+            "tracker_setting": np.array([self._subsamples, *self._flags]),
+            **self._summariser.arrays(),
+        }
+
+    def restore(self, arrays: dict[str, Array], name: str = "record") -> None:
+        """Go on in the place of the aligner that gave the arrays, made alike.
+
+        Raises
+        ------
+        InputError
+            If the arrays are not those of this version's aligner, or contradict one another.
+        """
+        from schuler.kernels.layout import LayoutError, check_aligner
+
+        try:
+            check_aligner(arrays)
+        except LayoutError as error:
+            raise InputError(f"the saved state of an aligner is damaged: {error}") from None
+        nodes = arrays["tracker_nodes"]
+        self._state = TrackerState(arrays["tracker"].copy())
+        self._nodes[: len(nodes)] = nodes
+        self._tail = (arrays["tracker_tail"][0], arrays["tracker_tail"][1])
+        setting = arrays["tracker_setting"]
+        self._subsamples, self._flags = int(setting[0]), (float(setting[1]), float(setting[2]))
+        self._name = name
+        self._summariser.restore(arrays)
+
+    def history(self) -> History:
+        """Return the pass so far, with the samples that wait for a full update worked in."""
+        waiting = int(self._state.waiting)
+        if not waiting:
+            return History.from_state(self._state.data, self._nodes)
+        state, nodes = TrackerState(self._state.data.copy()), self._nodes.copy()
+        rows = state.waiting_samples[:waiting].copy()
+        time, dt = (tail[-waiting:] for tail in self._tail)
+        # The plain sums had these samples already, and will have them again.
+        rate = np.linalg.norm(rows.reshape(-1, 2, 3), axis=2) / dt[:, None]
+        state.sum_dtheta -= rows[:, :3].sum(axis=0)
+        state.sum_dvel -= rows[:, 3:].sum(axis=0)
+        state.sum_rate -= rate[:, 0].sum()
+        state.sum_rate2 -= (rate[:, 0] ** 2).sum()
+        state.sum_force -= rate[:, 1].sum()
+        state.sum_force2 -= (rate[:, 1] ** 2).sum()
+        state.samples -= waiting
+        state.waiting = 0.0
+        self._tracking.track(
+            state.data, nodes, 1, *self._flags, time, dt,
+            np.ascontiguousarray(rows[:, :3]), np.ascontiguousarray(rows[:, 3:]),
+        )  # fmt: skip
+        return History.from_state(state.data, nodes)
+
+    def _estimate(self, h: History, spec: ImuSpec | None) -> Estimate:
+        at_end = self.at == "end"
+        if not isinstance(self.method, (Fine, Gyrocompass)):
+            return estimate(h, self.site, self.method, spec, at_end)
+        record = ImuRecord.concatenate(self._held)
+        if isinstance(self.method, Gyrocompass):
+            if not at_end:
+                raise InputError("a gyrocompass loop gives the attitude at the end: say --at end")
+            loop = compass_alignment(record, h, self.site, self.method, spec)
+            return Estimate(
+                self.method, loop.attitude, loop.budget, None, None, spec, passed=loop.passed
+            )
+        fine = fine_alignment(record, h, self.site, self.method, spec, at_end)
+        known = spec is not None
+        return Estimate(
+            self.method, fine.attitude, fine.budget, None, None, spec,
+            fine.biases if known else None, fine.bias_covariance if known else None,
+            passed=fine.passed,
+        )  # fmt: skip
+
+    def _prefiltered(self) -> Alignment:
+        """Filter what is held, and align the result as a record of its own."""
+        assert self.method.prefilter is not None
+        record = ImuRecord.concatenate(self._held, quality=self._held[-1].quality)
+        plain = Aligner(
+            self.site, with_prefilter(self.method, None), self.spec, at=self.at,
+            reading=self.reading,
+        )  # fmt: skip
+        fix = plain.update(self.method.prefilter(record)).solution()
+        return replace(fix, method=with_prefilter(fix.method, self.method.prefilter))
+
+    def solution(self) -> Alignment:
+        """Return the alignment of all that has been taken.
+
+        Raises
+        ------
+        InputError
+            If there are too few samples, the vectors do not fix an attitude, or the force is not
+            gravity by far (a wrong unit, named).
+        """
+        if not self.samples:
+            raise InputError("the record has no samples to align")
+        if self.method.prefilter is not None:
+            return self._prefiltered()
+        h = self.history()
+        summary = self._summariser.summary()
+        gyro_bias = self.spec.gyro.bias if self.spec else 0.0
+        hints = summary.hints(self.site, gyro_bias, self.reading)
+        ratio = summary.steady_force(self.site.gravity) / self.site.gravity
+        if hints and not 0.9 < ratio < 1.1:
+            raise InputError(f"{self._name}: {hints[0]} (an alignment needs the force at rest)")
+        assessed = assess(
+            h, summary, self.site, self.spec, self._estimate(h, self.spec),
+            self._estimate,
+        )  # fmt: skip
+        found = assessed.estimate
+        budget = capped(found.budget)
+        covariance = np.asarray(sum(budget.values(), np.zeros((3, 3))))
+        contradictions = tuple(each.text for each in assessed.contradictions)
+        if found.positions or assessed.contradictions:
+            # A unit that is turned on purpose does not read Earth rate on average; and what a
+            # contradiction says is not said twice.
+            hints = [text for text in hints if not text.startswith(("the mean |w|", "the angle"))]
+        warnings = [*self._quality, *hints, *assessed.notes]
+        bound = None
+        if self.spec is None:
+            warnings.append(_BIAS_MISSING)
+        else:
+            used = found.spec or self.spec
+            if found.positions:
+                bound = position_limit(used, self.site, found.positions, summary.interval).phi
+            else:
+                bound = limit(used, self.site, h.duration, summary.interval)
+            if found.noise_ratio is not None and found.noise_ratio < QUIET:
+                warnings.append(
+                    f"the record has {found.noise_ratio:.2g} times the noise power of the "
+                    f"specification '{self.spec.name}', too little for chance: the white noise in "
+                    "sigma and limit was scaled down to what the record shows"
+                )
+        sigma = float(np.sqrt(covariance[2, 2])) / ARCMIN
+        if sigma > 600.0:
+            warnings.append(
+                f"sigma of the heading is {sigma / 60:.0f} deg: this record, or this instrument, "
+                "cannot tell north"
+            )
+        return Alignment(
+            method=found.method,
+            site=self.site,
+            start=h.start,
+            end=float(self._tail[0][-1]),
+            samples=self.samples,
+            at=self.at,
+            quaternion=nearest_quat(found.attitude),
+            covariance=covariance,
+            budget=budget,
+            contradictions=contradictions,
+            bound=bound,
+            warnings=tuple(warnings),
+            spec=found.spec,
+            orthonormality=found.orthonormality,
+            gyro_bias=None if found.biases is None else found.biases[:3],
+            accel_bias=None if found.biases is None else found.biases[3:],
+            bias_covariance=found.bias_covariance,
+            history=h,
+            summary=summary,
+            why=found.why,
+            passed=found.passed,
+            inputs={"record": self._name},
+        )
+
+
+def align(
+    record: ImuRecord,
+    site: Site,
+    method: Method | str | None = None,
+    spec: ImuSpec | str | Path | None = None,
+    *,
+    at: str = "end",
+    array: SensorArray | str | None = None,
+) -> Alignment:
+    """Align a record: attitude and heading with a consistent uncertainty.
+
+    Parameters
+    ----------
+    record : ImuRecord
+        A standing, possibly disturbed vehicle.
+    site : Site
+        Latitude and height.
+    method : Method or str, optional
+        `Auto()` by default.
+    spec : ImuSpec, str or path, optional
+        The instrument, for the parts of the uncertainty that the record cannot show.
+    at : {"end", "start"}
+        The instant of the attitude.
+    array : SensorArray or str, optional
+        Geometry of redundant gyros.
+
+    Raises
+    ------
+    InputError
+        See `Aligner`.
+
+    Examples
+    --------
+    >>> fix = align(record, Site(34.246, 108.910, 380), spec="navigation-rlg")  # doctest: +SKIP
+    >>> print(fix)  # doctest: +SKIP
+    """
+    expect(record, ImuRecord, "record", HOW_RECORD)
+    said: list[str] = []
+    if record.quality is None and record.dtheta.shape[1] == record.dvel.shape[1] == 3:
+        # A record that was read has been looked through already.
+        record, spikes = without_spikes(record)
+        said = [spikes_warning(spikes)] if spikes else []
+    return (
+        Aligner(site, method, spec, at=at, array=array).update(record).solution().noting(said, {})
+    )
+
+
+# A method that is not in the union would fall through `estimate`'s branches unseen.
+assert set(Method.__args__) == {Inertial, Analytic, Auto, Fine, Gyrocompass}

@@ -1,0 +1,221 @@
+"""From an estimate to a result that the record does not contradict.
+
+The record is held against what must be true (`schuler.alignment.consistency`). Where it needs a
+larger gyro bias than was assumed, the estimate is made again with that bias; where the bias hides
+the Earth's rate, only the level is left, which the accelerometers give.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.alignment.consistency import (
+    DEFLECTION_SIGMA,
+    Contradiction,
+    bias_sigma,
+    check,
+    with_gyro_bias,
+)
+from schuler.alignment.debias import without_gyro_bias
+from schuler.alignment.estimate import Estimate
+from schuler.alignment.history import History
+from schuler.alignment.methods import Analytic
+from schuler.alignment.stationary.analytic import analytic_attitude
+from schuler.alignment.stationary.optimal import joint
+from schuler.constants import ARCMIN, DEG_PER_HOUR, EARTH_RATE
+from schuler.earth import Site
+from schuler.errors import InputError
+from schuler.record import Summary
+from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
+
+__all__ = ["UNIFORM_SIGMA", "Assessment", "assess", "capped"]
+
+Array = NDArray[np.float64]
+
+UNIFORM_SIGMA = np.pi / np.sqrt(3.0)
+"""1-sigma of an angle of which nothing is known, rad: 104 deg."""
+
+_PROVEN = 0.05
+"""Turn (rad) by the gyros, with the force at rest in the body, that is surely a bias."""
+
+
+@dataclass(frozen=True, eq=False)
+class Assessment:
+    """An estimate, and what the record says against it.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        With an uncertainty that holds what contradicts it.
+    contradictions : tuple of Contradiction
+    notes : tuple of str
+        What was found and is no contradiction.
+    """
+
+    estimate: Estimate
+    contradictions: tuple[Contradiction, ...]
+    notes: tuple[str, ...]
+
+
+def assess(
+    h: History, summary: Summary, site: Site, spec: ImuSpec | None, found: Estimate,
+    again: Callable[[History, ImuSpec], Estimate],
+) -> Assessment:  # fmt: skip
+    """Hold an estimate against its record.
+
+    Parameters
+    ----------
+    h : History
+    summary : Summary
+    site : Site
+    spec : ImuSpec or None
+        The instrument as it was specified.
+    found : Estimate
+    again : callable
+        Makes the estimate for another history and specification.
+    """
+    if _turns_only_by_gyros(summary):
+        bias = float(np.linalg.norm(summary.mean_rate))
+        contradictions: tuple[Contradiction, ...] = ()
+        if spec is not None and bias > 4.6 * bias_sigma(spec.gyro, site.gravity):
+            contradictions = (Contradiction("earth-rate", _bias_text(bias, spec)),)
+        return Assessment(_level_only(h, summary, site, spec), contradictions, (_NO_HEADING,))
+    try:
+        best = found.best if found.best is not None else joint(h, site, found.spec)
+        result = check(h, best, summary, site, found.spec)
+    except np.linalg.LinAlgError:
+        raise InputError(
+            "the record's values fix no attitude that could be tested: check its columns, units "
+            "and rows (schuler info shows them)"
+        ) from None
+    if len(best.dwells) > 1 and not found.positions:
+        # Whatever the method, the bound is that of all positions.
+        found = replace(found, positions=tuple(best.positions(site)))
+    notes: list[str] = []
+    if result.least_bias > EARTH_RATE * np.cos(site.latitude):
+        found = _level_only(h, summary, site, spec)
+        notes.append(_NO_HEADING)
+    elif result.least_bias > 0.0:
+        wider = found.spec or ImuSpec(GyroSpec(), AccelerometerSpec(), name="none")
+        try:
+            larger = _with_bias(h, with_gyro_bias(wider, result.least_bias), again)
+        except (InputError, np.linalg.LinAlgError):
+            larger = _level_only(h, summary, site, spec)
+        if spec is None:
+            larger = replace(larger, spec=None)
+            small = result.least_bias * h.duration < ARCMIN
+            if small and "gyro_bias" in larger.budget:
+                # It moves no estimate: only what is said of it has to grow.
+                budget = {**found.budget, "gyro_bias": larger.budget["gyro_bias"]}
+                larger = replace(found, budget=budget)
+        found = larger
+    if result.least_bias > 0.0 and spec is None:
+        notes.append(
+            "the record shows a gyro bias of at least "
+            f"{result.least_bias / DEG_PER_HOUR:.2g} deg/h, which sigma holds"
+        )
+    if any(each.kind == "axes" for each in result.contradictions):
+        found = _without_heading(found)
+    return Assessment(found, result.contradictions, tuple(notes))
+
+
+def _with_bias(
+    h: History, spec: ImuSpec, again: Callable[[History, ImuSpec], Estimate]
+) -> Estimate:
+    """Return the estimate with a bias that is too large for one linear step."""
+    first = again(h, spec)
+    if first.best is None:
+        return first
+    bias = first.best.biases[:3]
+    if float(np.linalg.norm(bias)) * h.duration < _SQUARE:
+        return first
+    found = again(without_gyro_bias(h, bias), spec)
+    if found.biases is not None:
+        found = replace(found, biases=found.biases + np.concatenate([bias, np.zeros(3)]))
+    return found
+
+
+_SQUARE = 1e-4
+"""Turn (rad) by a bias over the record beyond which its square may count."""
+
+_NO_HEADING = (
+    "the gyros' bias hides the Earth's rate: the level is that of the accelerometers, and there is "
+    "no heading"
+)
+
+
+def _bias_text(bias: float, spec: ImuSpec) -> str:
+    return (
+        f"the gyros turn by {bias / DEG_PER_HOUR:.3g} deg/h while the force rests in the body: a "
+        f"bias of that size, where {spec.gyro.bias / DEG_PER_HOUR:.3g} deg/h is specified"
+    )
+
+
+def _turns_only_by_gyros(summary: Summary) -> bool:
+    """Say whether the gyros claim a turn across gravity that the force does not show."""
+    table = summary.stretch_sums
+    third = len(table.data) // 3
+    if third < 2:
+        return False
+    first, last = (part.sum(axis=0) for part in (table.sum_dvel[:third], table.sum_dvel[-third:]))
+    a, b = first / np.linalg.norm(first), last / np.linalg.norm(last)
+    seen = float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+    # From the middle of the first third to the middle of the last.
+    turn = table.sum_dtheta.sum(axis=0) * (2.0 / 3.0)
+    across = float(np.linalg.norm(turn - (turn @ a) * a))
+    earth = EARTH_RATE * summary.duration
+    return across > _PROVEN + earth and seen < 0.2 * across
+
+
+def _level_only(h: History, summary: Summary, site: Site, spec: ImuSpec | None) -> Estimate:
+    """Return the level that the mean force gives, the gyro bias, and no heading."""
+    angle, velocity = h.increments()
+    rate, force = angle / h.duration, velocity / h.duration
+    up = force / np.linalg.norm(force)
+    level_rate = rate - (rate @ up) * up
+    if np.linalg.norm(level_rate) <= 1e-3 * np.linalg.norm(rate):
+        # Any direction will do: the heading is unknown.
+        level_rate = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
+    attitude, _ = analytic_attitude(level_rate + EARTH_RATE * up, force, site, "gravity")
+    gravity = site.gravity
+    edges = np.linspace(0.0, h.duration, 9)
+    ends = np.column_stack([np.interp(edges, h.t, x) for x in h.nodes.sum_dvel.T])
+    scatter = np.cov((np.diff(ends, axis=0) * (8.0 / h.duration)).T) / 8.0
+    tilt = attitude @ scatter @ attitude.T / gravity**2
+    budget = {"disturbance": np.diag([tilt[1, 1], tilt[0, 0], 0.0])}
+    prior = DEFLECTION_SIGMA * gravity
+    if spec is not None:
+        prior = float(np.hypot(prior, bias_sigma(spec.accelerometer, gravity)))
+    budget["accelerometer_bias"] = np.diag([1.0, 1.0, 0.0]) * (prior / gravity) ** 2
+    budget["gyro_bias"] = np.diag([0.0, 0.0, UNIFORM_SIGMA**2])
+    _, level, vertical = site.earth_rate
+    across = np.eye(3) - np.outer(up, up)
+    covariance = np.zeros((6, 6))
+    covariance[:3, :3] = 0.5 * level**2 * across
+    covariance[:3, :3] += np.eye(3) * (summary.noise_gyro**2 / h.duration)
+    covariance[3:, 3:] = np.eye(3) * prior**2
+    biases = np.concatenate([rate - vertical * up, np.zeros(3)])
+    return Estimate(
+        Analytic(), attitude, budget, None, None, spec, biases, covariance,
+        why="the gyros' bias is far above the Earth's rate: only the level can be found",
+    )  # fmt: skip
+
+
+def _without_heading(found: Estimate) -> Estimate:
+    """Return an estimate whose heading is unknown, as its axes are."""
+    budget = dict(found.budget)
+    budget["contradiction"] = np.diag([0.0, 0.0, UNIFORM_SIGMA**2])
+    return replace(found, budget=budget)
+
+
+def capped(budget: dict[str, Array]) -> dict[str, Array]:
+    """Return a budget whose variance about up is no larger than that of an unknown angle."""
+    total = float(sum(cov[2, 2] for cov in budget.values()))
+    if total <= UNIFORM_SIGMA**2:
+        return budget
+    scale = np.diag([1.0, 1.0, UNIFORM_SIGMA / np.sqrt(total)])
+    return {name: scale @ cov @ scale for name, cov in budget.items()}

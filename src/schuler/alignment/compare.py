@@ -1,0 +1,203 @@
+"""All methods and prefilters on one record: heading, sigma, settling, repeatability, cost."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler._notebook import Shown
+from schuler.alignment.aligner import align
+from schuler.alignment.convergence import convergence
+from schuler.alignment.methods import (
+    METHODS,
+    PREFILTERS,
+    parse_method,
+    parse_prefilter,
+    with_prefilter,
+)
+from schuler.alignment.result import Alignment
+from schuler.alignment.windows import align_windows
+from schuler.earth import Site
+from schuler.errors import InputError, SchulerError
+from schuler.record import ImuRecord
+from schuler.sensors import ImuSpec, load_spec
+
+__all__ = ["DEFAULT_PAIRS", "Comparison", "Row", "compare", "settle_time"]
+
+#: methods without a prefilter, then the prefilters before the document's estimator and the default
+DEFAULT_PAIRS: tuple[tuple[str, str], ...] = (
+    *((name, "none") for name in METHODS),
+    *(("integral-triad", name) for name in PREFILTERS),
+    *(("centred", name) for name in PREFILTERS),
+)
+
+SETTLED = 3.0
+"""Sigmas of the end within which a settled heading stays."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What one method made of the record; None where it could not be had.
+
+    Parameters
+    ----------
+    method, prefilter : str
+    heading_deg, sigma_arcmin : float or None
+    settle_s : float or None
+        First time after which the heading stays within three sigmas of the end.
+    std_heading_arcmin : float or None
+        Over non-overlapping windows.
+    seconds : float
+        Of the alignment.
+    note : str
+        Why there is no heading, or which method was chosen.
+    """
+
+    method: str
+    prefilter: str
+    heading_deg: float | None
+    sigma_arcmin: float | None
+    settle_s: float | None
+    std_heading_arcmin: float | None
+    seconds: float
+    note: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the row as plain values."""
+        return {
+            "method": self.method, "prefilter": self.prefilter, "heading_deg": self.heading_deg,
+            "sigma_arcmin": self.sigma_arcmin, "settle_s": self.settle_s,
+            "std_heading_arcmin": self.std_heading_arcmin, "seconds": self.seconds,
+            "note": self.note,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison(Shown):
+    """Rows of methods on one record.
+
+    Parameters
+    ----------
+    name : str
+        Of the record.
+    duration, window : float
+        s.
+    limit_arcmin : float or None
+        Of the heading.
+    rows : tuple of Row
+    """
+
+    name: str
+    duration: float
+    window: float | None
+    limit_arcmin: float | None
+    rows: tuple[Row, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the comparison with the keys of the JSON schema `schuler.comparison/1`."""
+        return {
+            "schema": "schuler.comparison/1", "record": self.name, "duration_s": self.duration,
+            "window_s": self.window, "limit_arcmin": self.limit_arcmin,
+            "rows": [row.to_dict() for row in self.rows],
+        }  # fmt: skip
+
+    def __str__(self) -> str:
+        def cell(value: float | None, form: str, unit: str = "") -> str:
+            return "-" if value is None else f"{value:{form}}{unit}"
+
+        lines = [
+            f"{'method':<22} {'prefilter':<18} {'heading deg':>12} {'sigma':>9} {'settle s':>9} "
+            f"{'std':>9} {'seconds':>8}"
+        ]
+        lines += [
+            f"{row.method:<22} {row.prefilter:<18} {cell(row.heading_deg, '12.4f'):>12} "
+            f"{cell(row.sigma_arcmin, '.3g', chr(39)):>9} {cell(row.settle_s, '.4g'):>9} "
+            f"{cell(row.std_heading_arcmin, '.3g', chr(39)):>9} {row.seconds:>8.2f}"
+            + (f"  {row.note}" if row.note else "")
+            for row in self.rows
+        ]
+        return "\n".join(line.rstrip() for line in lines)
+
+
+def settle_time(fix: Alignment, points: int = 100) -> float | None:
+    """Return when the heading has come within three sigmas of the end to stay, s; None if never."""
+    c = convergence(fix, points)
+    off = np.abs(c.heading_deg - c.heading_deg[-1]) * 60.0 > SETTLED * c.sigma_arcmin[-1]
+    if not np.any(off):
+        return float(c.t[0])
+    last = int(np.flatnonzero(off)[-1])
+    return None if last + 1 >= len(c.t) else float(c.t[last + 1])
+
+
+def compare(
+    record: ImuRecord,
+    site: Site,
+    spec: ImuSpec | str | Path | None = None,
+    pairs: Sequence[tuple[str, str]] = DEFAULT_PAIRS,
+    *,
+    window: float | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Comparison:
+    """Run methods and prefilters on one record.
+
+    Parameters
+    ----------
+    record : ImuRecord
+    site : Site
+    spec : ImuSpec, str or path, optional
+    pairs : sequence of (method, prefilter)
+        Names as on the command line.
+    window : float, optional
+        Length of the windows for repeatability, s; a tenth of the record, 60 s at least, when
+        not given, and none where fewer than three fit.
+    progress : callable, optional
+        Called with what is run next.
+
+    Raises
+    ------
+    InputError
+        For an unknown name.
+    """
+    spec = load_spec(spec)
+    todo = [(parse_method(m), parse_prefilter(p, site.gravity), m, p) for m, p in pairs]
+    if window is None:
+        window = max(60.0, record.duration / 10.0)
+    repeat = window if record.duration >= 3.0 * window else None
+    limit: float | None = None
+    rows = []
+    for method, prefilter, name, filter_name in todo:
+        if progress is not None:
+            progress(f"{name}, {filter_name}" if filter_name != "none" else name)
+        method = with_prefilter(method, prefilter)
+        begin = time.perf_counter()
+        try:
+            fix = align(record, site, method, spec)
+        except SchulerError as error:
+            rows.append(
+                Row(name, filter_name, None, None, None, None, time.perf_counter() - begin,
+                    str(error))
+            )  # fmt: skip
+            continue
+        seconds = time.perf_counter() - begin
+        if fix.limit_arcmin is not None and prefilter is None:
+            # A record quieter than its specification has the lower one.
+            here = float(fix.limit_arcmin[2])
+            limit = here if limit is None else min(limit, here)
+        std = None
+        if repeat is not None:
+            try:
+                # Windows are judged by the heading at their start: the vehicle may have moved.
+                at = "end" if name in ("gyrocompass", "kalman-large") else "start"
+                std = align_windows(record, site, repeat, method, spec, at=at).std_heading_arcmin
+            except InputError:
+                std = None
+        rows.append(
+            Row(name, filter_name, fix.heading_deg, float(fix.sigma_arcmin[2]), settle_time(fix),
+                std, seconds, f"chose {fix.method}" if name == "auto" else "")
+        )  # fmt: skip
+    return Comparison(record.name, record.duration, repeat, limit, tuple(rows))

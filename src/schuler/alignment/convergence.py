@@ -1,0 +1,79 @@
+"""How an alignment came about: heading and sigma if the record had ended earlier."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.alignment.estimate import estimate
+from schuler.alignment.methods import Fine, Gyrocompass
+from schuler.alignment.result import Alignment
+from schuler.alignment.stationary.inertial import MINIMUM_ROWS
+from schuler.alignment.stationary.kalman import FinePass
+from schuler.attitude import nearest_quat, psi_to_heading, quat_to_euler
+from schuler.constants import ARCMIN, DEG
+from schuler.errors import InputError
+
+__all__ = ["Convergence", "convergence"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Convergence:
+    """Heading against the time used.
+
+    Parameters
+    ----------
+    t : (k,) float64
+        Time used, s.
+    heading_deg, sigma_arcmin : (k,) float64
+        Heading (unwrapped: no jump at 360) and its 1-sigma.
+    """
+
+    t: Array
+    heading_deg: Array
+    sigma_arcmin: Array
+
+
+def convergence(fix: Alignment, points: int = 60) -> Convergence:
+    """Return heading and sigma of an alignment from ever longer parts of its record.
+
+    Parameters
+    ----------
+    fix : Alignment
+    points : int
+        At most so many, spaced evenly in the logarithm of time from a hundredth of the span.
+    """
+    if fix.passed is not None:
+        return _of_filter(fix.passed, points)
+    assert not isinstance(fix.method, (Fine, Gyrocompass))
+    h = fix.history
+    wanted = np.geomspace(0.01 * h.duration, h.duration, points)
+    rows = np.unique(np.clip(np.searchsorted(h.t, wanted - 1e-9), MINIMUM_ROWS, len(h) - 1))
+    found: list[tuple[float, float, float]] = []
+    for row in rows:
+        part = h.until(int(row))
+        try:
+            e = estimate(part, fix.site, fix.method, fix.spec, fix.at == "end")
+        except InputError:
+            # The first instants may not fix an attitude yet; the curve starts where they do.
+            continue
+        psi = quat_to_euler(nearest_quat(e.attitude))[0]
+        sigma = float(np.sqrt(e.covariance[2, 2])) / ARCMIN
+        found.append((part.duration, float(psi_to_heading(psi)) / DEG, sigma))
+    t, heading, sigma_arcmin = (np.array(c) for c in zip(*found, strict=True))
+    # Unwrap towards the final value, which is the one in [0, 360).
+    heading = heading[-1] + (heading - heading[-1] + 180.0) % 360.0 - 180.0
+    return Convergence(t, heading, sigma_arcmin)
+
+
+def _of_filter(passed: FinePass, points: int) -> Convergence:
+    """Return what a filter said on its way."""
+    last = len(passed.t) - 1
+    rows = np.unique(np.round(np.geomspace(1, last + 1, points)).astype(np.int64)) - 1
+    heading = psi_to_heading(quat_to_euler(passed.quaternion[rows])[:, 0]) / DEG
+    heading = heading[-1] + (heading - heading[-1] + 180.0) % 360.0 - 180.0
+    return Convergence(passed.t[rows], heading, passed.sigma[rows, 2] / ARCMIN)

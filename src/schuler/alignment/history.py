@@ -1,0 +1,154 @@
+"""What a pass over a record leaves behind: cumulative sums at up to 4097 instants.
+
+Every estimator, its uncertainty, its convergence and the report are computed from this table, so
+that a record of any length needs constant memory and is read once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.constants import EARTH_RATE
+from schuler.kernels.fields import Field
+from schuler.kernels.states import TrackerNode, TrackerState
+
+__all__ = ["History", "Rows", "gravity_direction", "inertial_to_local"]
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+
+def inertial_to_local(t: Array | float, lat: float) -> Array:
+    """Return C_i0^n (..., 3, 3) at times t (s since the start) for a latitude (rad)."""
+    a = EARTH_RATE * np.asarray(t, np.float64)
+    s, c, zero = np.sin(a), np.cos(a), np.zeros_like(a)
+    sl, cl = np.sin(lat), np.cos(lat)
+    rows = [[-s, c, zero], [-sl * c, -sl * s, zero + cl], [cl * c, cl * s, zero + sl]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def gravity_direction(lat: float) -> Array:
+    """Return D = diag(cosL, cosL, sinL): the force that holds the body is g D db/dt in i0."""
+    return np.array([np.cos(lat), np.cos(lat), np.sin(lat)])
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """Cumulative rows at instants, the first at the start (all zero), the last at the end.
+
+    Parameters
+    ----------
+    rows : (k, 44) float64
+        `TrackerNode` by `TrackerNode`.
+    start : float
+        Time of the start, s.
+    samples : int
+        Samples in all.
+    """
+
+    rows: Array
+    start: float
+    samples: int
+
+    @classmethod
+    def from_state(cls, state: Array, nodes: Array) -> History:
+        """Copy the nodes of a tracking kernel and add the last instant when it is not one."""
+        last = TrackerState(state)
+        rows = nodes[: int(last.nodes)]
+        if last.updates > TrackerNode(rows).updates[-1]:
+            rows = np.vstack([rows, last.node().data])
+        return cls(rows.copy(), float(last.start), int(last.samples))
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def nodes(self) -> TrackerNode:
+        """The rows by the names of their numbers."""
+        return TrackerNode(self.rows)
+
+    @property
+    def t(self) -> Array:
+        """Instants, s since the start, (k,)."""
+        return self.nodes.time
+
+    @property
+    def updates(self) -> Array:
+        """Updates so far at each instant, (k,)."""
+        return self.nodes.updates
+
+    @property
+    def duration(self) -> float:
+        """Length, s."""
+        return float(self.nodes.time[-1])
+
+    @property
+    def quat(self) -> Array:
+        """q_b^ib0 at each instant, (k, 4)."""
+        return self.nodes.quat_ib0_b
+
+    @property
+    def velocity(self) -> Array:
+        """Integral of the force in ib0 at each instant, m/s, (k, 3)."""
+        return self.nodes.v_ib0
+
+    def theory(self, gravity: float, lat: float) -> Array:
+        """Return G, the theoretical integral in i0 at each instant, m/s, (k, 3)."""
+        a = EARTH_RATE * self.t
+        b = np.column_stack([np.sin(a), 2.0 * np.sin(0.5 * a) ** 2, a]) / EARTH_RATE
+        return gravity * gravity_direction(lat) * b
+
+    def sums(self) -> tuple[float, Array, Array, Array]:
+        """Return updates, sum of v (3,), sum of b (3,) and sum of b v^T (3, 3) at the end."""
+        r = TrackerNode(self.rows[-1])
+        return float(r.updates), r.sum_v, r.sum_gravity, r.sum_gravity_v
+
+    def second_moments(self, centred: bool) -> Array:
+        """Return the sum of b b^T (3, 3) at the end, about the mean of b or about zero."""
+        r = TrackerNode(self.rows[-1])
+        xy, xz, yz = r.sum_xy, r.sum_xz, r.sum_yz
+        out = np.array([[r.sum_xx, xy, xz], [xy, r.sum_yy, yz], [xz, yz, r.sum_zz]])
+        return out - np.outer(r.sum_gravity, r.sum_gravity) / r.updates if centred else out
+
+    def increments(self) -> tuple[Array, Array]:
+        """Return the sums of angle (3,) and velocity increments (3,) in body axes at the end."""
+        last = TrackerNode(self.rows[-1])
+        return last.sum_dtheta, last.sum_dvel
+
+    def block_means(self, field: Field) -> Array:
+        """Return the means over updates of a sum of `TrackerNode` between instants, (k-1, m)."""
+        n = np.diff(self.updates)
+        return np.asarray(np.diff(self.rows[:, field.slice], axis=0) / n[:, None])
+
+    def thin(self, blocks: int, keep: Iterable[int] = ()) -> tuple[History, Rows]:
+        """Return at most `blocks` stretches between instants, as even as can be.
+
+        Parameters
+        ----------
+        blocks : int
+            Stretches wanted.
+        keep : iterable of int
+            Instants that must stay (they come on top).
+
+        Returns
+        -------
+        History, (j,) int64
+            The thinned history, and where each kept instant is in it.
+        """
+        last = len(self) - 1
+        kept = np.array(list(keep), np.int64)
+        rows = np.round(np.linspace(0, last, min(blocks, last) + 1)).astype(np.int64)
+        rows = np.unique(np.concatenate([rows, kept]))
+        return replace(self, rows=self.rows[rows]), np.searchsorted(rows, kept).astype(np.int64)
+
+    def until(self, row: int) -> History:
+        """Return the history up to and with an instant, as if the record had ended there."""
+        return replace(
+            self,
+            rows=self.rows[: row + 1],
+            samples=round(self.samples * self.updates[row] / self.updates[-1]),
+        )

@@ -1,0 +1,265 @@
+"""Alignment of samples as they come, with a state that can be saved and taken up again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler._version import __version__
+from schuler.alignment.aligner import Aligner
+from schuler.alignment.checkpoint import read_checkpoint, write_checkpoint
+from schuler.alignment.methods import METHODS, Fine, Gyrocompass
+from schuler.alignment.result import Alignment
+from schuler.earth import Site
+from schuler.errors import InputError
+from schuler.io.packets import Reorder
+from schuler.record import Intake
+from schuler.sensors import ImuSpec
+
+__all__ = ["LiveAligner"]
+
+Sample = tuple[int, float, tuple[float, ...]]
+
+FILLED = 8
+"""Lost samples running that are interpolated."""
+
+
+def fill(before: list[Sample], samples: list[Sample]) -> list[Sample]:
+    """Return samples in order with short losses between them interpolated.
+
+    Parameters
+    ----------
+    before : list of sample
+        The last samples that were returned already, for the first loss.
+    samples : list of sample
+        Those that follow, in order.
+    """
+    known = [*before, *samples]
+    out: list[Sample] = []
+    for k in range(len(before), len(known)):
+        missing = known[k][0] - known[k - 1][0] - 1 if k else 0
+        if 0 < missing <= FILLED:
+            near = known[max(0, k - 3) : k + 3]
+            x = np.array([s[0] for s in near], np.float64)
+            y = np.array([[s[1], *s[2]] for s in near])
+            for number in range(known[k - 1][0] + 1, known[k][0]):
+                # Lagrange's weights: exact for a quintic on six neighbours.
+                weight = np.array([
+                    np.prod([(number - b) / (a - b) for b in x if b != a]) for a in x
+                ])  # fmt: skip
+                row = weight @ y
+                # Times jitter: on a straight line between its neighbours they still increase.
+                (n0, t0, _), (n1, t1, _) = known[k - 1][:3], known[k][:3]
+                time = t0 + (t1 - t0) * (number - n0) / (n1 - n0)
+                out.append((number, time, tuple(map(float, row[1:]))))
+        out.append(known[k])
+    return out
+
+
+class LiveAligner:
+    """Take the samples of one stream in any order; give the alignment at any time.
+
+    Up to `FILLED` lost samples running are interpolated by a quintic through their neighbours, as
+    a held rate would leave the vehicle's sway in the attitude; longer losses are bridged as gaps of
+    a record are. Repeated and late samples are left out, and those whose time does not follow that
+    of the number before. What comes from a network or a port, where other senders, restarts and
+    forged samples are possible, is for `LiveSession`.
+
+    Parameters
+    ----------
+    site : Site
+    kind : {"rates", "mean-rates", "increments"}
+        What the values are.
+    method : str, optional
+        A name of `METHODS`; those that need the whole record are refused.
+    spec : ImuSpec, str or path, optional
+    depth : int
+        Samples that are held while one is missing.
+    max_gap : float
+        Longest gap that is bridged, s.
+
+    Raises
+    ------
+    InputError
+        For an unknown method, or one that needs the whole record.
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        kind: str = "increments",
+        method: str | None = None,
+        spec: ImuSpec | str | Path | None = None,
+        *,
+        depth: int = 64,
+        max_gap: float = 5.0,
+    ) -> None:
+        self.aligner = Aligner(site, method, spec)
+        if isinstance(self.aligner.method, (Fine, Gyrocompass)):
+            live = [n for n, m in METHODS.items() if not isinstance(m, (Fine, Gyrocompass))]
+            raise InputError(
+                f"the method {self.aligner.method} needs the whole record and cannot run live; "
+                f"take one of {', '.join(live)}"
+            )
+        if self.aligner.method.prefilter is not None:
+            raise InputError("a prefilter needs the whole record and cannot run live")
+        self._name = method or "auto"
+        self._max_gap = max_gap
+        self.intake = Intake(kind, max_gap=max_gap, name="live")
+        self.order = Reorder(depth)
+        self._before: list[Sample] = []
+        self._wrong_time = 0
+
+    @property
+    def samples(self) -> int:
+        """Samples that were aligned so far."""
+        return self.aligner.samples
+
+    @property
+    def last_number(self) -> int | None:
+        """Number of the next sample that is expected."""
+        return self.order.expected
+
+    def recent(self) -> list[Sample]:
+        """Return the last samples in order and those that are held."""
+        return [*self._before, *self.order.held.values()]
+
+    def push(self, samples: Iterable[Sequence[Any]]) -> None:
+        """Take samples as they came: number, time (s) and six values (SI, body axes) each.
+
+        Raises
+        ------
+        InputError
+            If a gap is too long, or a value is beyond any instrument.
+        """
+        self._take(self.order.push((s[0], s[1], s[2]) for s in samples))
+
+    def finish(self) -> None:
+        """Take what is still held: the stream has ended."""
+        self._take(self.order.flush())
+        rest = self.intake.close()
+        if len(rest):
+            self.aligner.update(rest)
+
+    def _take(self, came: list[Sample]) -> None:
+        samples: list[Sample] = []
+        last = self._before[-1][1] if self._before else float("-inf")
+        for sample in came:
+            if sample[1] > last:
+                samples.append(sample)
+                last = sample[1]
+            else:
+                self._wrong_time += 1
+        if not samples:
+            return
+        filled = fill(self._before, samples)
+        self._before = [*self._before, *filled][-3:]
+        samples = filled
+        time = np.array([s[1] for s in samples])
+        chunk = self.intake.push(time, np.array([s[2] for s in samples]))
+        if len(chunk):
+            self.aligner.update(chunk)
+
+    def solution(self) -> Alignment:
+        """Return the alignment so far.
+
+        Raises
+        ------
+        InputError
+            If there are too few samples yet.
+        """
+        return self.aligner.solution()
+
+    def counts(self) -> dict[str, int]:
+        """Return what became of the samples."""
+        return {
+            "aligned": self.samples, "lost": self.order.lost, "repeated": self.order.repeated,
+            "late": self.order.late, "held": len(self.order.held),
+            "wrong_time": self._wrong_time,
+        }  # fmt: skip
+
+    # -- saving ------------------------------------------------------------------------
+
+    def _meta(self) -> dict[str, Any]:
+        site, spec = self.aligner.site, self.aligner.spec
+        return {
+            "schuler": __version__, "site": [site.lat, site.lon, site.height],
+            "kind": self.intake.kind, "method": self._name,
+            "spec": None if spec is None else spec.describe(),
+        }  # fmt: skip
+
+    def save(self, path: str | Path, **more: Any) -> None:
+        """Write the state (npz), whole or not at all.
+
+        Parameters
+        ----------
+        path : str or path
+        **more
+            What else belongs to the state; `load` returns it.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        arrays = {**self.aligner.arrays(), **self.intake.arrays()}
+        for name, samples in (("held", list(self.order.held.values())), ("before", self._before)):
+            rows = [[n, t, *v] for n, t, v in samples]
+            arrays[name] = np.array(rows, np.float64).reshape(len(rows), 8)
+        o = self.order
+        arrays["order"] = np.array(
+            [-1 if o.expected is None else o.expected, o.lost, o.repeated, o.late,
+             self._wrong_time], np.float64,
+        )  # fmt: skip
+        write_checkpoint(path, {**self._meta(), "more": more}, arrays)
+
+    def load(self, path: str | Path) -> dict[str, Any]:
+        """Take up a state that was saved with the same site, method, specification and version.
+
+        Returns
+        -------
+        dict
+            What else was saved with it.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read, is damaged, or belongs to another alignment, saying what
+            differs. Nothing was taken up then.
+        """
+        from schuler.alignment.live_layout import LayoutError, check_state
+
+        meta, arrays = read_checkpoint(path)
+        for key, value in json.loads(json.dumps(self._meta())).items():
+            if meta.get(key) != value:
+                raise InputError(
+                    f"{path}: was saved with {key} = {str(meta.get(key))[:200]}, now it is "
+                    f"{value}; start anew with another file, or say what was said before"
+                )
+        more = meta.get("more")
+        try:
+            check_state(arrays, self.order.depth, self.intake.kind)
+        except LayoutError as error:
+            raise InputError(f"{path}: is damaged ({error})") from None
+        if not isinstance(more, dict):
+            raise InputError(f"{path}: is damaged (its description is not whole)")
+        expected, lost, repeated, late, self._wrong_time = (int(v) for v in arrays["order"])
+        held, self._before = (
+            [(int(r[0]), float(r[1]), tuple(map(float, r[2:]))) for r in arrays[name]]
+            for name in ("held", "before")
+        )
+        self.order = Reorder(
+            self.order.depth,
+            lost,
+            repeated,
+            late,
+            None if expected < 0 else expected,
+            {sample[0]: sample for sample in held},
+        )
+        self.intake.restore(arrays)
+        self.aligner.restore(arrays, name="live")
+        return more

@@ -1,0 +1,1 @@
+"""Attitude of a stationary base: estimators, their covariance, their error formulas."""

@@ -1,0 +1,146 @@
+"""Repeatability: the same alignment over and over, on windows that share no sample."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler._notebook import Shown
+from schuler.alignment.aligner import Aligner
+from schuler.alignment.methods import Method
+from schuler.alignment.result import Alignment
+from schuler.constants import DEG
+from schuler.earth import Site
+from schuler.errors import InputError, expect
+from schuler.record import ImuRecord
+from schuler.sensors import ImuSpec, load_spec
+
+__all__ = ["Windows", "align_windows"]
+
+
+@dataclass(frozen=True, eq=False)
+class Windows(Shown):
+    """The alignment of the whole span, and of each window in it.
+
+    Parameters
+    ----------
+    whole : Alignment
+        Of all samples.
+    length : float
+        Length of a window, s.
+    each : tuple of Alignment
+        Of each whole window, from the start of the span on.
+    """
+
+    whole: Alignment
+    length: float
+    each: tuple[Alignment, ...]
+
+    @property
+    def mean_heading_deg(self) -> float:
+        """Circular mean of the headings, deg in [0, 360)."""
+        a = np.array([w.heading_deg for w in self.each]) * DEG
+        return float(np.degrees(np.arctan2(np.sin(a).sum(), np.cos(a).sum())) % 360.0)
+
+    @property
+    def std_heading_arcmin(self) -> float | None:
+        """Sample standard deviation of the headings, arcmin; None for a single window."""
+        if len(self.each) < 2:
+            return None
+        off = np.array([w.heading_deg for w in self.each]) - self.mean_heading_deg
+        off = (off + 180.0) % 360.0 - 180.0
+        return float(np.sqrt(np.sum(off**2) / (len(off) - 1))) * 60.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the whole span's result with the windows' keys added."""
+        return {
+            **self.whole.to_dict(),
+            "windows": [
+                {
+                    "start_s": w.start,
+                    "end_s": w.end,
+                    "heading_deg": w.heading_deg,
+                    "pitch_deg": w.pitch_deg,
+                    "roll_deg": w.roll_deg,
+                    "sigma_heading_arcmin": float(w.sigma_arcmin[2]),
+                }
+                for w in self.each
+            ],
+            "mean_heading_deg": self.mean_heading_deg,
+            "std_heading_arcmin": self.std_heading_arcmin,
+        }
+
+    def __str__(self) -> str:
+        std = self.std_heading_arcmin
+        spread = "one window: no spread" if std is None else f"std {std:.3f}'"
+        return (
+            f"{len(self.each)} windows of {self.length:g} s: mean heading "
+            f"{self.mean_heading_deg:.4f} deg, {spread}"
+        )
+
+
+def align_windows(
+    source: ImuRecord | Iterable[ImuRecord],
+    site: Site,
+    length: float,
+    method: Method | str | None = None,
+    spec: ImuSpec | str | Path | None = None,
+    *,
+    at: str = "end",
+) -> Windows:
+    """Align each non-overlapping window of a record, and the whole.
+
+    Parameters
+    ----------
+    source : ImuRecord or iterable of ImuRecord
+        A record, or its chunks in order (constant memory).
+    site, method, spec, at
+        As in `align`.
+    length : float
+        Length of a window, s. A last window that is not full is left out.
+
+    Raises
+    ------
+    InputError
+        If no window is full, or as `align`.
+    """
+    expect(length, Real, "window", "give its length in seconds")
+    if not (np.isfinite(length) and length > 0):
+        raise InputError(f"the window must be a positive time, got {length} s")
+    spec = load_spec(spec)
+    whole = Aligner(site, method, spec, at=at)
+    each: list[Alignment] = []
+    current = Aligner(site, method, spec, at=at)
+    origin: float | None = None
+    interval = 0.0
+    end = 0.0
+    for chunk in [source] if isinstance(source, ImuRecord) else source:
+        if not len(chunk):
+            continue
+        if origin is None:
+            origin, interval = chunk.start, float(chunk.dt[0])
+        whole.update(chunk)
+        end = chunk.end
+        low: float | None = None
+        while True:
+            edge = origin + (len(each) + 1) * length
+            piece = chunk.between(low, edge)
+            current.update(piece)
+            # A window is full when the next sample would lie beyond its edge.
+            if chunk.end < edge - 0.5 * interval:
+                break
+            each.append(current.solution())
+            current = Aligner(site, method, spec, at=at)
+            low = edge
+    if origin is None:
+        raise InputError("the record has no samples to align")
+    if not each:
+        raise InputError(
+            f"no window is full: the record has {end - origin:.6g} s, a window {length:g} s"
+        )
+    return Windows(whole.solution(), float(length), tuple(each))

@@ -1,0 +1,18 @@
+"""Allan, Hadamard and total deviation of a static record, and the noise terms fitted to them."""
+
+from __future__ import annotations
+
+from schuler.allan_variance.deviation import AllanSums, allan, allan_deviation
+from schuler.allan_variance.fit import ChannelFit, NoiseFit, NoiseTerm, fit_noise
+from schuler.allan_variance.result import Allan
+
+__all__ = [
+    "Allan",
+    "AllanSums",
+    "ChannelFit",
+    "NoiseFit",
+    "NoiseTerm",
+    "allan",
+    "allan_deviation",
+    "fit_noise",
+]

@@ -1,0 +1,128 @@
+"""`campaign`: from a campaign to its results, going on where it was stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler.campaigns.chunk import AXES
+from schuler.campaigns.execute import execute
+from schuler.campaigns.plan import Campaign
+from schuler.campaigns.scatter import Scatter
+from schuler.campaigns.store import Store
+from schuler.errors import InputError, SchulerError
+
+__all__ = ["Results", "campaign"]
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """What a campaign found.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    path : Path
+        The Parquet file with a row for each run and method.
+    table : pyarrow.Table
+        Its content.
+    resumed : int
+        Runs that an earlier start had done.
+    notes : tuple of str
+        What was found damaged and computed again.
+    """
+
+    campaign: Campaign
+    path: Path
+    table: Any = field(repr=False)
+    resumed: int = 0
+    notes: tuple[str, ...] = ()
+
+    def scatters(self) -> list[Scatter]:
+        """Return how the errors scatter, for each place of the sweep and each method."""
+        point = self.table.column("point").to_numpy()
+        method = np.array(self.table.column("method").to_pylist())
+        out = []
+
+        def columns(name: str, rows: Any) -> Any:
+            return np.column_stack(
+                [self.table.column(f"{name}_{a}").to_numpy()[rows] for a in AXES]
+            )
+
+        for place in self.campaign.points:
+            for name in place.methods:
+                rows = (point == place.number) & (method == name)
+                out.append(
+                    Scatter(
+                        name, dict(place.values), columns("phi", rows), columns("sigma", rows),
+                        columns("limit", rows), self.table.column("nees").to_numpy()[rows],
+                        self.table.column("heading_error").to_numpy()[rows],
+                    )
+                )  # fmt: skip
+        return out
+
+
+def campaign(
+    plan: Campaign,
+    out: str | Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Results:
+    """Run a campaign into a folder; stopped at any moment and called again, it goes on.
+
+    Results are the same bytes for any number of workers and any interruptions.
+
+    Parameters
+    ----------
+    plan : Campaign
+    out : str or Path
+        Folder; `results.parquet` in it is the result.
+    workers : int, optional
+        None: a process for each core (a script must then guard its start by
+        ``if __name__ == "__main__":``); 0: this process alone; else a local Dask cluster.
+    scheduler : str, optional
+        Address of a Dask scheduler, ``tcp://host:8786``, whose workers have the same schuler.
+    progress : callable, optional
+        Called with the runs that are done and the runs in all.
+
+    Raises
+    ------
+    InputError
+        If the folder holds another campaign or is in use, or a run cannot be aligned.
+    SchulerError
+        If workers die again and again, or Dask is missing.
+    """
+    if workers is not None and workers < 0:
+        raise InputError(f"--workers must be 0 or more, got {workers}")
+    if workers is not None and scheduler is not None:
+        raise InputError("--workers makes a cluster and --scheduler names one: give one of them")
+    store = Store(plan, out)
+    tell = progress or (lambda done, total: None)
+    with store.held():
+        table = store.finished()
+        if table is not None:
+            store.clear()
+            tell(plan.total, plan.total)
+            return Results(plan, store.results, table, plan.total, tuple(store.notes))
+        left, resumed = [], 0
+        for chunk in plan.chunks():
+            if store.load(chunk) is None:
+                left.append(chunk)
+            else:
+                resumed += chunk.count
+        done = resumed
+        tell(done, plan.total)
+        for chunk, data in execute(iter(left), workers, scheduler):
+            store.save(chunk, data)
+            done += chunk.count
+            tell(done, plan.total)
+        table = store.assemble()
+    if table is None:
+        raise SchulerError(f"{store.results}: was written but cannot be read; is the disk full?")
+    return Results(plan, store.results, table, resumed, tuple(store.notes))

@@ -1,0 +1,49 @@
+"""The centrifuge test: a platform's 45 coefficients, and the positions that show them best."""
+
+from __future__ import annotations
+
+from schuler.centrifuge.filter import Ekf, PlatformFit, fit_platform, simulate_platform
+from schuler.centrifuge.objective import (
+    OBJECTIVES,
+    Judgement,
+    Objective,
+    judge,
+    time_to_reach,
+)
+from schuler.centrifuge.plan import Limits, Plan, Problem, evaluate, explore, plan
+from schuler.centrifuge.plant import (
+    PUBLISHED_POSITIONS,
+    PUBLISHED_TRUTH,
+    Plant,
+    coefficient_names,
+    coefficient_units,
+    direct_information,
+    published_truth,
+    scheme_information,
+)
+
+__all__ = [
+    "OBJECTIVES",
+    "PUBLISHED_POSITIONS",
+    "PUBLISHED_TRUTH",
+    "Ekf",
+    "Judgement",
+    "Limits",
+    "Objective",
+    "Plan",
+    "Plant",
+    "PlatformFit",
+    "Problem",
+    "coefficient_names",
+    "coefficient_units",
+    "direct_information",
+    "evaluate",
+    "explore",
+    "fit_platform",
+    "judge",
+    "plan",
+    "published_truth",
+    "scheme_information",
+    "simulate_platform",
+    "time_to_reach",
+]

@@ -1,0 +1,296 @@
+"""A platform's coefficients from a centrifuge test, by the extended Kalman filter of 48 states.
+
+Source: as `schuler.centrifuge.plant`; 5 ms of propagation, 20 ms to a measurement. The
+truth for simulations takes another road: the rotation matrix itself, by Runge and Kutta's fourth
+order, not the filter's angles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.centrifuge.plant import (
+    Plant,
+    _angles,
+    coefficient_names,
+    coefficient_units,
+)
+from schuler.errors import InputError
+
+__all__ = ["Ekf", "PlatformFit", "fit_platform", "simulate_platform"]
+
+Array = NDArray[np.float64]
+
+#: 1 sigma of the coefficients before the test, in their spoken units
+PRIOR = {"D_F": 30.0, "D_": 5.0, "D__": 0.5, "k0": 2e4, "k1": 5e3, "k2": 100.0, "k3": 30.0,
+         "k_": 50.0, "th": 2000.0}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Ekf:
+    """The filter's options.
+
+    Parameters
+    ----------
+    passes : int
+        The first is the plain extended filter; each further one runs through the whole test again,
+        linearised about what the one before has found (Gauss and Newton's iteration).
+    square_root : bool
+        Carry a square root of the covariance (Potter).
+    step : float
+        Of the propagation, s.
+    drift_noise : float
+        White noise of the gyros' drift, deg/sqrt(h); the square-root filter has none.
+    """
+
+    passes: int = 4
+    square_root: bool = False
+    step: float = 0.005
+    drift_noise: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.passes < 1:
+            raise InputError(f"a filter runs through the test once or more, got {self.passes}")
+        if not self.step > 0 or not self.drift_noise >= 0:
+            raise InputError("a filter's step must be positive and its drift noise 0 or more")
+        if self.square_root and self.drift_noise > 0:
+            raise InputError(
+                "the square-root filter takes no drift noise: leave it out, or square_root"
+            )
+
+
+@dataclass(frozen=True)
+class PlatformFit:
+    """Coefficients with their covariance.
+
+    Parameters
+    ----------
+    names, units : tuple of str
+    factor : (n,) float64
+        What one of the unit is inside.
+    value : (n,) float64
+        rad/s, g, rad.
+    covariance : (n, n) float64
+    nis : float
+        Mean squared normalised innovation: about 1 where model and noise are right.
+    samples : int
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    factor: Array
+    value: Array
+    covariance: Array
+    nis: float
+    samples: int
+
+    @property
+    def sigma(self) -> Array:
+        """1 sigma of each coefficient, inside units."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation of the coefficients' errors (n, n)."""
+        return np.asarray(self.covariance / np.outer(self.sigma, self.sigma))
+
+
+def prior_sigma(plant: Plant) -> Array:
+    """Return the coefficients' 1 sigma before the test (n,), inside units."""
+    out = []
+    for name in coefficient_names(plant.d_oo):
+        stem = name[:-1]
+        if stem in PRIOR:
+            out.append(PRIOR[stem])
+        elif name.startswith("D"):
+            out.append(PRIOR["D_" if len(stem) == 3 else "D__"])
+        else:
+            out.append(PRIOR["k_" if name.startswith("k") else "th"])
+    return np.asarray(np.array(out) * coefficient_units(plant.d_oo)[1])
+
+
+def simulate_platform(
+    plant: Plant, positions: ArrayLike, dwell: float, truth: Array, rng: np.random.Generator,
+    runs: int = 1, forces: Sequence[float] | None = None,
+) -> Array:  # fmt: skip
+    """Return outputs (runs, p, m, 3), g, of a platform whose attitudes are off by the prior.
+
+    Parameters
+    ----------
+    plant : Plant
+    positions : (p, 3) array_like
+        Nominal alpha, beta, gamma, deg.
+    dwell : float
+        s at each.
+    truth : (n,) float64
+        Coefficients, inside units.
+    rng : numpy Generator
+    runs : int
+        Independent tests.
+    forces : sequence of float, optional
+        Level of force at each position, g.
+    """
+    from schuler.kernels.centrifuge import _FIRST, _SECOND, _SIGN, _TERM, platform_matrix
+
+    nominal = _angles(positions)
+    count = len(nominal)
+    angles = nominal + plant.attitude_prior * rng.standard_normal((runs, count, 3))
+    c = np.array([platform_matrix(*row) for row in angles.reshape(-1, 3)])
+    c = c.reshape(runs, count, 3, 3)
+    levels = [plant.force] * count if forces is None else list(forces)
+    swing = np.array([plant.harmonics(level) for level in levels])
+    gyro = truth[: 3 * plant.terms].reshape(-1, 3)
+    k0, k1, k2, k3, kp = truth[3 * plant.terms : -3].reshape(5, 3)
+    th_py, th_pz, th_oz = truth[-3:]
+    earth = plant.earth
+
+    def base_force(t: float) -> Array:
+        angle = plant.omega * t
+        f = swing[:, 0] + np.cos(angle) * swing[:, 1] + np.sin(angle) * swing[:, 2]
+        return np.asarray(f)
+
+    def slope(t: float, m: Array) -> Array:
+        f = np.einsum("rpij,pj->rpi", m, base_force(t))
+        one = np.concatenate([np.ones((*f.shape[:2], 1)), f], axis=2)
+        mono = np.concatenate([one[..., :1], one[..., _FIRST] * one[..., _SECOND]], axis=2)
+        drift = m @ earth
+        for j in range(3):
+            terms = plant.terms
+            drift[..., j] += mono[..., _TERM[j, :terms]] @ (_SIGN[j, :terms] * gyro[:, j])
+        return np.asarray(np.cross(drift[..., None, :], np.swapaxes(m, 2, 3)).swapaxes(2, 3))
+
+    h = 1.0 / plant.sampling
+    samples = plant.turns(dwell) * round(plant.sampling * plant.period)
+    out = np.empty((runs, count, samples, 3))
+    for k in range(samples):
+        t = k * h
+        a = slope(t, c)
+        b = slope(t + h / 2, c + h / 2 * a)
+        d = slope(t + h / 2, c + h / 2 * b)
+        e = slope(t + h, c + h * d)
+        c = c + h / 6 * (a + 2 * b + 2 * d + e)
+        f = np.einsum("rpij,pj->rpi", c, base_force(t + h))
+        own = f.copy()
+        own[..., 1] += th_py * f[..., 0]
+        own[..., 2] += th_pz * f[..., 0] + th_oz * f[..., 1]
+        other = np.stack([f[..., 1], -f[..., 2], f[..., 1]], axis=-1)
+        out[:, :, k] = k0 + (1 + k1) * own + k2 * own**2 + k3 * own**3 + kp * own * other
+    return out + 1e-6 * plant.noise * rng.standard_normal(out.shape)
+
+
+def fit_platform(
+    plant: Plant, positions: ArrayLike, outputs: Array, method: Ekf | None = None,
+    forces: Sequence[float] | None = None,
+) -> PlatformFit:  # fmt: skip
+    """Find the coefficients from a test's outputs; they start at zero.
+
+    Parameters
+    ----------
+    plant : Plant
+    positions : (p, 3) array_like
+        Nominal alpha, beta, gamma, deg.
+    outputs : (p, m, 3) float64
+        Accelerometer outputs at each position, g.
+    method : Ekf
+    forces : sequence of float, optional
+        Level of force at each position, g.
+
+    Raises
+    ------
+    InputError
+        For shapes that do not fit, values that are not numbers, or a step that does not divide an
+        output sample.
+    """
+    from schuler.kernels.platform import filter_position
+
+    method = method or Ekf()
+    nominal = _angles(positions)
+    outputs = np.ascontiguousarray(outputs, dtype=np.float64)
+    if outputs.ndim != 3 or outputs.shape[0] != len(nominal) or outputs.shape[2] != 3:
+        raise InputError(
+            f"expected outputs of shape ({len(nominal)}, samples, 3), got {outputs.shape}"
+        )
+    if not np.isfinite(outputs).all():
+        raise InputError("the accelerometer outputs hold values that are not finite numbers")
+    every = round(1.0 / (plant.sampling * method.step))
+    if every < 1 or abs(every * method.step * plant.sampling - 1.0) > 1e-9:
+        raise InputError(f"an output sample must be a whole number of steps of {method.step:g} s")
+    n = plant.unknowns
+    sigma = prior_sigma(plant)
+    state = np.zeros(n + 6)
+    walk = (np.deg2rad(method.drift_noise) / 60.0) ** 2
+    start = nominal.copy()
+    for lap in range(method.passes):
+        tally = np.zeros(2)
+        held = np.diag(np.concatenate([sigma, np.zeros(6)]))
+        if not method.square_root:
+            held = held**2
+        off = np.zeros(n + 6)
+        # The coefficients were zero before the test, whatever they are linearised about.
+        off[:n] = -state[:n]
+        seen = []
+        state_start = np.zeros_like(nominal)
+        for k, row in enumerate(nominal):
+            state[n : n + 3] = state[n + 3 :] = start[k]
+            back = _turn_per_angle(start[k])
+            off[n : n + 3] = off[n + 3 :] = -back @ (row - start[k])
+            held = _at_new_position(held, plant.attitude_prior * back, method.square_root)
+            filter_position(
+                state, off, held, 0, outputs[k],
+                plant.harmonics(None if forces is None else forces[k]), plant.omega, plant.earth,
+                method.step, every, plant.terms, (1e-6 * plant.noise) ** 2, walk, lap > 0,
+                int(method.square_root), tally,
+            )  # fmt: skip
+            state_start[k] = state[n + 3 :]
+            seen.append(_start_given(held, state + off, off[n + 3 :], method.square_root))
+        state[:n] += off[:n]
+        for k, (gain, then, turned) in enumerate(seen):
+            # What later positions told of the coefficients tells of this one's start as well.
+            turned = turned + gain @ (state[:n] - then)
+            base = state_start[k] if lap == 0 else start[k]
+            start[k] = base - np.linalg.solve(_turn_per_angle(base), turned)
+    held = held[:n]
+    cov = held @ held.T if method.square_root else 0.5 * (held[:, :n] + held[:, :n].T)
+    units, factor = coefficient_units(plant.d_oo)
+    return PlatformFit(
+        coefficient_names(plant.d_oo), units, factor, state[:n].copy(), cov,
+        float(tally[0] / max(tally[1], 1.0)), int(tally[1]),
+    )  # fmt: skip
+
+
+def _turn_per_angle(angles: Array) -> Array:
+    """Return T^-1 (eq. 14): how p turns with its angles."""
+    sb, cb = np.sin(angles[1]), np.cos(angles[1])
+    sg, cg = np.sin(angles[2]), np.cos(angles[2])
+    return np.array([[cb * cg, sg, 0.0], [-cb * sg, cg, 0.0], [sb, 0.0, 1.0]])
+
+
+def _start_given(
+    held: Array, estimate: Array, turned: Array, square_root: bool
+) -> tuple[Array, Array, Array]:
+    """Return how a position's start follows the coefficients, these, and the start's turn."""
+    n = len(held) - 6
+    cov = held @ held.T if square_root else held
+    scale = 1.0 / np.sqrt(np.diag(cov)[:n])
+    inner = cov[:n, :n] * np.outer(scale, scale)
+    gain = np.linalg.solve(inner, (scale * cov[n + 3 :, :n]).T).T * scale
+    return gain, estimate[:n].copy(), turned.copy()
+
+
+def _at_new_position(held: Array, spread: Array, square_root: bool) -> Array:
+    """Forget the attitude: keep what is known of the coefficients, put the prior in."""
+    n = len(held) - 6
+    out = np.zeros_like(held)
+    if square_root:
+        out[:n, :n] = np.asarray(np.linalg.qr(held[:n].T, mode="r")).T
+        out[n : n + 3, n : n + 3] = out[n + 3 :, n : n + 3] = spread
+    else:
+        out[:n, :n] = held[:n, :n]
+        for rows in (slice(n, n + 3), slice(n + 3, n + 6)):
+            for columns in (slice(n, n + 3), slice(n + 3, n + 6)):
+                out[rows, columns] = spread @ spread.T
+    return out

@@ -1,0 +1,344 @@
+"""`compare_rotation`: an array's errors over hours, fixed, turned about one axis and about two."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler._files import read_toml
+from schuler._notebook import Shown
+from schuler.constants import DEG, DEG_PER_HOUR
+from schuler.earth import Site
+from schuler.errors import InputError
+from schuler.modulation.propagation import TriadErrors, end_errors, turned
+from schuler.modulation.residual import residual
+from schuler.motion.rotation import Limits, Scheme, load_scheme, named_scheme
+from schuler.sensors import SensorArray, load_array
+from schuler.units import parse
+
+__all__ = ["Comparison", "RotationCase", "compare_rotation", "strapdown_end"]
+
+Array = NDArray[np.float64]
+
+_KEYS = ("name", "about", "duration", "array", "site", "heading", "headings", "latitudes",
+         "errors", "single_axis", "two_axis")  # fmt: skip
+_ERRORS = {
+    "gyro_bias": "angular rate", "gyro_scale": "ratio",
+    "accel_bias": "acceleration", "accel_scale": "ratio",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class RotationCase:
+    """An instrument on a table, at rest: what is compared.
+
+    Parameters
+    ----------
+    name : str
+    array : SensorArray
+    gyro_bias, gyro_scale : (n,) float64
+        Of each gyro of the array: rad/s, ratio.
+    accel_bias, accel_scale : (3,) float64
+        m/s^2, ratio.
+    duration : float
+        s.
+    site : Site
+    heading : float
+        Of the carrier, deg.
+    latitudes, headings : (p,), (q,) float64
+        deg; headings clockwise from north.
+    single, double : Scheme
+    """
+
+    name: str
+    array: SensorArray
+    gyro_bias: Array
+    gyro_scale: Array
+    accel_bias: Array
+    accel_scale: Array
+    duration: float
+    site: Site
+    heading: float
+    latitudes: Array
+    headings: Array
+    single: Scheme
+    double: Scheme
+
+    @property
+    def errors(self) -> TriadErrors:
+        """The fused triad's errors."""
+        k = self.array.estimator()
+        return TriadErrors(
+            k @ self.gyro_bias, self.accel_bias,
+            (k * self.gyro_scale) @ self.array.h, np.diag(self.accel_scale),
+        )  # fmt: skip
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> RotationCase:
+        """Read a case; see the documentation's page on rotation.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read, is not TOML, or holds a bad value.
+        """
+        path = Path(path)
+        data = read_toml(path)
+        try:
+            return cls.from_dict(data, path.stem, path.parent)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+
+    @classmethod
+    def from_dict(
+        cls, data: dict[str, Any], name: str = "rotation", folder: Path = Path()
+    ) -> RotationCase:
+        """Make a case of plain values.
+
+        Raises
+        ------
+        InputError
+            For an unknown key or a bad value.
+        """
+        _known(data, _KEYS, "")
+        site = data.get("site", {})
+        _known(site, ("lat", "lon", "height"), "site.")
+        where = Site(*(_number(site.get(k, 0.0), f"site.{k}") for k in ("lat", "lon", "height")))
+        array = load_array(_beside(str(data.get("array", "triad")), folder))
+        errors = data.get("errors")
+        if not isinstance(errors, dict):
+            raise InputError("the table [errors] is missing")
+        _known(errors, tuple(_ERRORS), "errors.")
+        counts = {"gyro_bias": len(array), "gyro_scale": len(array)}
+        values = {
+            key: _quantities(errors.get(key), kind, counts.get(key, 3), f"errors.{key}")
+            for key, kind in _ERRORS.items()
+        }
+        duration = parse(data.get("duration", "8 h"), "time", "duration")
+        if not 60.0 <= duration <= 30 * 86400.0:
+            raise InputError(f"duration must be 1 min to 30 d, got {duration:g} s")
+        headings = _numbers(data.get("headings", list(range(0, 360, 15))), "headings")
+        latitudes = _numbers(data.get("latitudes", list(range(0, 71, 10))), "latitudes")
+        if np.any(np.abs(latitudes) > 89.0):
+            raise InputError("latitudes must be within 89 deg of the equator")
+        return cls(
+            str(data.get("name", name)), array, values["gyro_bias"], values["gyro_scale"],
+            values["accel_bias"], values["accel_scale"], duration, where,
+            _number(data.get("heading", 0.0), "heading"), latitudes, headings,
+            _scheme(data.get("single_axis", {"scheme": "reciprocating", "rate": "2 deg/s"}),
+                    "single_axis", folder),
+            _scheme(data.get("two_axis", {"scheme": "two-axis-16"}), "two_axis", folder),
+        )  # fmt: skip
+
+
+def _beside(text: str, folder: Path) -> str:
+    return str(folder / text) if text.endswith(".toml") else text
+
+
+def _known(table: Any, keys: tuple[str, ...], where: str) -> None:
+    if not isinstance(table, dict):
+        raise InputError(f"{where.rstrip('.') or 'the case'}: expected a table, got {table!r}")
+    for key in table:
+        if key not in keys:
+            raise InputError(f"unknown key '{where}{key}'; known: {', '.join(keys)}")
+
+
+def _number(value: Any, what: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        raise InputError(f"{what}: expected a number, got {value!r}")
+    return float(value)
+
+
+def _numbers(value: Any, what: str) -> Array:
+    if not isinstance(value, list) or not value:
+        raise InputError(f"{what}: expected a list of numbers, got {value!r}")
+    return np.array([_number(v, what) for v in value])
+
+
+def _quantities(value: Any, kind: str, count: int, what: str) -> Array:
+    if value is None:
+        return np.zeros(count)
+    values = value if isinstance(value, list) else [value] * count
+    if len(values) != count:
+        raise InputError(f"{what}: expected {count} values, one for each sensor, got {len(values)}")
+    return np.array([parse(v, kind, what) for v in values])
+
+
+def _scheme(table: Any, what: str, folder: Path) -> Scheme:
+    if isinstance(table, str):
+        return load_scheme(_beside(table, folder))
+    _known(table, ("scheme", "rate", "acceleration", "dwell", "travel", "encoder"), f"{what}.")
+    name = _beside(str(table.get("scheme", "")), folder)
+    if name.endswith(".toml"):
+        if len(table) > 1:
+            raise InputError(f"{what}: a scheme's file says all itself; leave the other keys out")
+        return load_scheme(name)
+    limits = Limits(
+        parse(table.get("rate", "10 deg/s"), "angular rate", f"{what}.rate") / DEG,
+        _number(table.get("acceleration", 20.0), f"{what}.acceleration"),
+        None if "travel" not in table else _number(table["travel"], f"{what}.travel"),
+        _number(table.get("encoder", 0.0), f"{what}.encoder"),
+    )
+    dwell = parse(table["dwell"], "time", f"{what}.dwell") if "dwell" in table else None
+    return named_scheme(name, dwell=dwell, limits=limits)
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison(Shown):
+    """End errors over latitudes (p) and headings (q).
+
+    Parameters
+    ----------
+    case : RotationCase
+    fixed, single, double : (p, q, 2) float64
+        East and north position error at the end, m.
+    """
+
+    case: RotationCase
+    fixed: Array = field(repr=False)
+    single: Array = field(repr=False)
+    double: Array = field(repr=False)
+
+    def metres(self) -> dict[str, Array]:
+        """Return the lengths of the errors, (p, q), by scheme."""
+        return {
+            name: np.hypot(*np.moveaxis(value, -1, 0))
+            for name, value in (
+                ("fixed", self.fixed), ("single_axis", self.single), ("two_axis", self.double),
+            )
+        }  # fmt: skip
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all figures, as the JSON has them."""
+        case, m = self.case, self.metres()
+        one, two = 1.0 - m["single_axis"] / m["fixed"], 1.0 - m["two_axis"] / m["fixed"]
+        rows = [
+            {
+                "latitude_deg": float(lat), "heading_deg": float(head % 360.0),
+                "psi_deg": float(-head % 360.0),
+                **{f"{name}_m": float(value[i, j]) for name, value in m.items()},
+                "single_axis_reduction_percent": float(100.0 * one[i, j]),
+                "two_axis_reduction_percent": float(100.0 * two[i, j]),
+            }
+            for i, lat in enumerate(case.latitudes)
+            for j, head in enumerate(case.headings)
+        ]  # fmt: skip
+        e = case.errors
+        return {
+            "schema": "schuler.rotation/1",
+            "name": case.name,
+            "duration_s": case.duration,
+            "array": case.array.name,
+            "equivalent_gyro_bias_deg_h": (np.asarray(e.gyro_bias) / DEG_PER_HOUR).tolist(),
+            "schemes": {
+                "single_axis": {"name": case.single.name,
+                                **residual(case.single).to_dict(case.site.lat)},
+                "two_axis": {"name": case.double.name,
+                             **residual(case.double).to_dict(case.site.lat)},
+            },
+            "latitudes": [
+                {
+                    "latitude_deg": float(lat),
+                    **{f"{name}_largest_m": float(value[i].max()) for name, value in m.items()},
+                    "single_axis_reduction_percent": [float(100 * one[i].min()),
+                                                      float(100 * one[i].max())],
+                    "two_axis_least_ratio": float(
+                        (m["fixed"][i] / np.maximum(m["two_axis"][i], 1e-9)).min()
+                    ),
+                }
+                for i, lat in enumerate(case.latitudes)
+            ],
+            "rows": rows,
+        }  # fmt: skip
+
+
+def compare_rotation(case: RotationCase) -> Comparison:
+    """Propagate a case's errors fixed, turned about one axis and about two.
+
+    Raises
+    ------
+    InputError
+        If the fixed instrument makes no error somewhere: there is nothing to reduce.
+    """
+    fixed = named_scheme("fixed")
+    ends = [
+        end_errors(turned(scheme, case.duration), case.errors, case.latitudes, case.headings,
+                   case.site.height)
+        for scheme in (fixed, case.single, case.double)
+    ]  # fmt: skip
+    if np.any(np.hypot(*np.moveaxis(ends[0], -1, 0)) < 1e-6):
+        raise InputError(
+            f"{case.name}: these errors move the fixed instrument nowhere at some heading, so "
+            "there is nothing to compare; give it a gyro or accelerometer bias"
+        )
+    return Comparison(case, *ends)
+
+
+def strapdown_end(
+    case: RotationCase, scheme: Scheme, rate: float = 10.0, runs: int = 1,
+    walks: tuple[float, float] = (0.0, 0.0), rng: np.random.Generator | None = None,
+) -> Array:  # fmt: skip
+    """Navigate a case in full, and return where it ends against the truth: east, north, m.
+
+    Parameters
+    ----------
+    case : RotationCase
+        At its site and heading.
+    scheme : Scheme
+    rate : float
+        Samples a second, Hz.
+    runs : int
+        With random walks: how many to draw. They are spread over the processor's cores.
+    walks : (float, float)
+        Angle and velocity random walk, rad/sqrt(s) and m/s/sqrt(s).
+    rng : numpy.random.Generator, optional
+        Needed with random walks.
+
+    Returns
+    -------
+    (runs, 2) ndarray
+    """
+    import os
+    from concurrent.futures import ThreadPoolExecutor
+
+    from schuler.earth import radii
+    from schuler.kernels import strapdown
+    from schuler.kernels.states import StrapdownOptions
+    from schuler.motion import Static
+    from schuler.navigation.navigator import Start
+    from schuler.simulation import simulate
+    from schuler.trajectory import Path as Track
+
+    if any(walks) and rng is None:
+        raise InputError("random walks need a random generator: give rng")
+    made = simulate(scheme.on(Static(case.heading)), case.site, case.duration, rate)
+    r = made.record
+    state = Start(case.site, made.truth.quaternion[0]).state().data
+    told = StrapdownOptions.zeros()
+    told.gravity_model, told.vertical_mode = strapdown.SOMIGLIANA, strapdown.OFF
+    told.held_height = case.site.height
+    workers = min(os.cpu_count() or 1, runs)
+    shares = np.array_split(np.arange(runs), workers)
+    generators = (rng or np.random.default_rng(0)).spawn(workers)
+    ends = np.empty((runs, strapdown.ROW))
+    row = case.errors.row(walks)
+
+    def work(share: Any, generator: np.random.Generator) -> None:
+        starts, errors = np.tile(state, (len(share), 1)), np.tile(row, (len(share), 1))
+        found = np.empty((len(share), strapdown.ROW))
+        strapdown.many(starts, told.data, 1.0 / rate, r.dtheta, r.dvel, errors, generator, found)
+        ends[share] = found
+
+    with ThreadPoolExecutor(workers) as pool:
+        for future in [pool.submit(work, a, b) for a, b in zip(shares, generators, strict=True)]:
+            future.result()
+    place = Track(ends).position
+    rm, rn = (float(x) + case.site.height for x in radii(case.site.latitude))
+    lon = np.remainder(place[:, 1] - case.site.longitude + np.pi, 2 * np.pi) - np.pi
+    return np.column_stack([
+        lon * rn * np.cos(case.site.latitude), (place[:, 0] - case.site.latitude) * rm,
+    ])  # fmt: skip

@@ -1,0 +1,368 @@
+"""`Navigator`: chunks in, a path out; `navigate` is one update."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.attitude import euler_to_quat, heading_to_psi, nearest_quat
+from schuler.constants import DEG
+from schuler.earth import Site
+from schuler.errors import InputError, expect
+from schuler.kernels.states import (
+    ErrorNoise,
+    ErrorStates,
+    PathRow,
+    StrapdownOptions,
+    StrapdownState,
+)
+from schuler.navigation.options import Gravity, Vertical, parse_gravity, parse_vertical
+from schuler.record import ImuRecord
+from schuler.sensors import ImuSpec, SensorArray, load_array, load_spec
+from schuler.trajectory import Path
+
+__all__ = ["Navigator", "Start", "frame_of", "navigate"]
+
+Array = NDArray[np.float64]
+
+
+class Fix(Protocol):
+    """What a start needs of an alignment."""
+
+    @property
+    def quaternion(self) -> Array:
+        """q_b^n, (4,)."""
+
+    @property
+    def covariance(self) -> Array:
+        """Of phi, rad^2, (3, 3)."""
+
+
+def frame_of(lat: float, lon: float) -> Array:
+    """Return q_n^e (4,) of East-North-Up at a latitude and longitude, rad."""
+    sl, cl, so, co = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
+    columns = [[-so, co, 0.0], [-sl * co, -sl * so, cl], [cl * co, cl * so, sl]]
+    return nearest_quat(np.array(columns).T)
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where, how fast and how turned a navigation begins.
+
+    Parameters
+    ----------
+    site : Site
+    quaternion : (4,) array_like
+        q_b^n with n = ENU.
+    velocity : (3,) array_like
+        East, north, up, m/s.
+    covariance : (9, 9) array_like, optional
+        Of phi (rad), velocity (m/s) and position (m), in ENU; zero when not given.
+    """
+
+    site: Site
+    quaternion: ArrayLike
+    velocity: ArrayLike = (0.0, 0.0, 0.0)
+    covariance: ArrayLike | None = None
+
+    @classmethod
+    def from_angles(
+        cls,
+        site: Site,
+        heading: float,
+        pitch: float = 0.0,
+        roll: float = 0.0,
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+    ) -> Start:
+        """Make a start from heading (clockwise from north), pitch and roll, deg."""
+        psi = float(heading_to_psi(heading * DEG))
+        return cls(site, euler_to_quat([psi, pitch * DEG, roll * DEG]), velocity)
+
+    @classmethod
+    def from_alignment(cls, site: Site, fix: Fix, velocity: ArrayLike = (0.0, 0.0, 0.0)) -> Start:
+        """Make a start from an alignment's attitude and covariance."""
+        cov = np.zeros((9, 9))
+        cov[:3, :3] = fix.covariance
+        return cls(site, fix.quaternion, velocity, cov)
+
+    def state(self) -> StrapdownState:
+        """Return the kernel's state at the start.
+
+        Raises
+        ------
+        InputError
+            For a quaternion or velocity of another shape, or not finite.
+        """
+        q, v = np.asarray(self.quaternion, np.float64), np.asarray(self.velocity, np.float64)
+        if q.shape != (4,) or not abs(np.linalg.norm(q) - 1.0) < 1e-6:
+            raise InputError("a start needs a unit quaternion of four numbers")
+        if v.shape != (3,) or not np.all(np.isfinite(v)):
+            raise InputError("a start needs three finite velocities: east, north, up")
+        state = StrapdownState.zeros()
+        state.quat_nb = q / np.linalg.norm(q)
+        state.v_n = v
+        state.quat_en = frame_of(self.site.latitude, self.site.longitude)
+        state.height = self.site.height
+        return state
+
+
+class Navigator:
+    """Navigate a stream: `update` with chunks, `path` whenever it is wanted.
+
+    Any chunking gives the same bits. The navigation frame wanders, so that a path may cross the
+    poles and the date line.
+
+    Parameters
+    ----------
+    start : Start
+    gravity : Gravity or str, optional
+        Somigliana with second-order height by default.
+    vertical : Vertical or str, optional
+        Free (pure inertial) by default.
+    every : int
+        Updates to a row of the path.
+    spec : ImuSpec or str, optional
+        The instrument: with it the error covariance is propagated beside the path.
+    subsamples : int, optional
+        Samples to an update, 1 to 4; by the rate when not given.
+    covariance_step : float
+        s.
+    array : SensorArray or str, optional
+        Geometry of redundant gyros: records then have a column for each.
+
+    Raises
+    ------
+    InputError
+        For an option that cannot be meant.
+    """
+
+    def __init__(
+        self,
+        start: Start,
+        *,
+        gravity: Gravity | str | None = None,
+        vertical: Vertical | str | None = None,
+        every: int = 1,
+        spec: ImuSpec | str | None = None,
+        subsamples: int | None = None,
+        covariance_step: float = 1.0,
+        array: SensorArray | str | None = None,
+    ) -> None:
+        from schuler.kernels import strapdown
+
+        if every < 1:
+            raise InputError(f"every must be 1 update or more, got {every}")
+        if subsamples is not None and not 1 <= subsamples <= 4:
+            raise InputError(f"samples to an update must be 1 to 4, got {subsamples}")
+        if not covariance_step > 0:
+            raise InputError(f"the covariance's step must be positive, got {covariance_step} s")
+        self.start = start
+        self.gravity, self.vertical = parse_gravity(gravity), parse_vertical(vertical)
+        self.spec = load_spec(spec)
+        self.array = None if array is None else load_array(array)
+        self._kernel = strapdown
+        self._state = start.state()
+        if self.vertical.mode == "off":
+            self._state.v_n[2] = 0.0
+        self._options = self._numbers()
+        self._every = every
+        self._wanted = subsamples
+        self._subsamples = 0
+        self._flags = (1.0, 1.0)
+        self._rows: list[Array] = []
+        self._variances: list[Array] = []
+        self._name = "record"
+        self._last = -np.inf
+        self._work, self._noise = np.empty((0, ErrorStates.size)), np.zeros(0)
+        if self.spec is not None:
+            self._work, self._noise = self._uncertainty(self.spec, covariance_step)
+
+    def _numbers(self) -> Array:
+        from schuler.navigation.options import GRAVITY_MODELS, VERTICAL_MODES
+
+        site, g = self.start.site, self.gravity
+        held = self.vertical.height
+        told = StrapdownOptions.zeros()
+        told.gravity_model = GRAVITY_MODELS.index(g.model)
+        told.gravity_value = site.gravity if g.value is None else g.value
+        told.vertical_mode = VERTICAL_MODES.index(self.vertical.mode)
+        told.damping_gains = np.array(self.vertical.gains)
+        told.held_height = site.height if held is None else held
+        return told.data
+
+    def _uncertainty(self, spec: ImuSpec, step: float) -> tuple[Array, Array]:
+        n = ErrorStates.size
+        work = np.zeros((3 * n, n))
+        phi_to_position = slice(0, ErrorStates.gyro_bias.start)
+        if self.start.covariance is not None:
+            given = np.asarray(self.start.covariance, np.float64)
+            if given.shape != (9, 9):
+                raise InputError(f"a start's covariance has 9 by 9 numbers, got {given.shape}")
+            work[phi_to_position, phi_to_position] = given
+        if self.vertical.mode == "off":
+            for k in (ErrorStates.velocity.start + 2, ErrorStates.position.start + 2):
+                work[k] = 0.0
+                work[:n, k] = 0.0
+        g, a = spec.gyro, spec.accelerometer
+        variances = ErrorStates(np.diag(work[:n]).copy())
+        variances.gyro_bias, variances.accel_bias = g.bias**2, a.bias**2
+        np.fill_diagonal(work[:n], variances.data)
+        noise = ErrorNoise.zeros()
+        noise.gyro_white, noise.accel_white = g.white**2, a.white**2
+        noise.gyro_walk, noise.accel_walk = g.drift**2, a.drift**2
+        noise.step = step
+        return work, noise.data
+
+    def update(self, chunk: ImuRecord, height: Array | None = None) -> Navigator:
+        """Take a chunk that follows the last one; return self.
+
+        Parameters
+        ----------
+        chunk : ImuRecord
+        height : (n,) float64, optional
+            Height at each sample to damp to, m, in the place of one for all.
+
+        Raises
+        ------
+        InputError
+            If the chunk has not three gyros and three accelerometers, or does not follow.
+        """
+        n = len(chunk)
+        if not n:
+            return self
+        if self.array is not None:
+            chunk = self.array.fuse(chunk)
+        if chunk.dtheta.shape[1] != 3 or chunk.dvel.shape[1] != 3:
+            raise InputError(
+                "a navigation needs three gyros and three accelerometers, got "
+                f"{chunk.dtheta.shape[1]} and {chunk.dvel.shape[1]}: name the array's geometry"
+            )
+        if height is not None and self.vertical.mode != "damped":
+            raise InputError("heights are for a damped vertical channel: say vertical='damped'")
+        aid = np.empty(0) if height is None else np.ascontiguousarray(height, np.float64)
+        if height is not None and aid.shape != (n,):
+            raise InputError(f"expected {n} heights, got an array of shape {aid.shape}")
+        if not self._subsamples:
+            self._open(chunk)
+        elif chunk.time[0] <= self._last:
+            raise InputError(
+                f"a chunk starts at t = {chunk.time[0]:.9g} s, not after the last sample "
+                f"({self._last:.9g} s)"
+            )
+        self._last = float(chunk.time[-1])
+        room = n // (self._subsamples * self._every) + 2
+        out = np.empty((room, self._kernel.ROW))
+        variances = np.empty((room if self.spec is not None else 0, ErrorStates.size))
+        used = self._kernel.navigate(
+            self._state.data, self._subsamples, *self._flags, self._options,
+            chunk.time, chunk.dt, chunk.dtheta, chunk.dvel, aid, self._every, out,
+            self._work, self._noise, variances,
+        )  # fmt: skip
+        self._rows.append(out[:used])
+        if self.spec is not None:
+            self._variances.append(variances[:used])
+        return self
+
+    def _open(self, chunk: ImuRecord) -> None:
+        self._name = chunk.name
+        self._flags = (float(not chunk.coning_corrected), float(not chunk.sculling_corrected))
+        self._subsamples = 1 if self._wanted is None else self._wanted
+        self._state.time = chunk.start
+        self._state.since_row = self._every
+        self._rows.append(self._row())
+        if self.spec is not None:
+            self._variances.append(self._variance_row())
+
+    def _row(self) -> Array:
+        return self._state.row().data[None]
+
+    def _variance_row(self) -> Array:
+        return np.diag(self._work[: ErrorStates.size])[None].copy()
+
+    def path(self) -> Path:
+        """Return where it went so far; the last row is the last update, whatever `every` is.
+
+        Raises
+        ------
+        InputError
+            If there has been no sample.
+        """
+        if not self._rows:
+            raise InputError("the record has no samples to navigate")
+        rows = np.concatenate(self._rows)
+        variances = np.concatenate(self._variances) if self._variances else None
+        last = self._row()
+        if PathRow(rows).time[-1] != self._state.time:
+            rows = np.concatenate([rows, last])
+            if variances is not None:
+                variances = np.concatenate([variances, self._variance_row()])
+        covariance = self._work[: ErrorStates.size].copy() if self.spec is not None else None
+        return Path(rows, variances, covariance, self._name)
+
+
+def navigate(
+    record: ImuRecord,
+    start: Start | Site,
+    fix: Fix | None = None,
+    *,
+    velocity: ArrayLike = (0.0, 0.0, 0.0),
+    gravity: Gravity | str | None = None,
+    vertical: Vertical | str | None = None,
+    every: int = 1,
+    spec: ImuSpec | str | None = None,
+    subsamples: int | None = None,
+    array: SensorArray | str | None = None,
+) -> Path:
+    """Navigate a record by inertia alone.
+
+    Parameters
+    ----------
+    record : ImuRecord
+    start : Start or Site
+        Where it begins; a site goes with an alignment.
+    fix : Alignment, optional
+        The attitude at the record's start, and its covariance.
+    velocity : (3,) array_like
+        East, north, up at the start, m/s, with a site.
+    gravity, vertical, every, spec, subsamples, array
+        As in `Navigator`.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    InputError
+        See `Navigator`.
+
+    Examples
+    --------
+    >>> path = navigate(record, Start.from_angles(site, heading=40.0))  # doctest: +SKIP
+    """
+    expect(record, ImuRecord, "record", "read a file with schuler.read")
+    expect(start, (Start, Site), "start")
+    if isinstance(start, Site):
+        if fix is None:
+            raise InputError("a site alone has no attitude: give an alignment, or a Start")
+        start = Start.from_alignment(start, fix, velocity)
+    elif fix is not None:
+        known = start.covariance
+        covariance = np.zeros((9, 9)) if known is None else np.array(known, np.float64)
+        if covariance.shape == (9, 9):
+            covariance[:3], covariance[:, :3] = 0.0, 0.0
+            covariance[:3, :3] = fix.covariance
+        start = replace(start, quaternion=fix.quaternion, covariance=covariance)
+    navigator = Navigator(
+        start,
+        gravity=gravity,
+        vertical=vertical,
+        every=every,
+        spec=spec,
+        subsamples=subsamples,
+        array=array,
+    )
+    return navigator.update(record).path()

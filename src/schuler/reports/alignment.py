@@ -1,0 +1,197 @@
+"""The report of an alignment: a page that a person would rather look at than read."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from html import escape
+from pathlib import Path
+
+from schuler.alignment import Alignment, LatitudeFix, Windows, convergence, residual
+from schuler.constants import ARCMIN
+from schuler.errors import expect
+from schuler.reports import figures
+from schuler.reports.page import Drawing, Section, definition_table, write_page
+from schuler.trajectory import Path as Trajectory
+
+__all__ = ["report"]
+
+_RESIDUAL_BLOCKS = 1024
+
+
+def report(result: Alignment | Windows | LatitudeFix | Trajectory, path: str | Path) -> Path:
+    """Write a self-contained interactive HTML report.
+
+    Parameters
+    ----------
+    result : Alignment, Windows, LatitudeFix or Path
+        The last one is that of a navigation.
+    path : str or Path
+        The HTML file; it appears whole or not at all.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    SchulerError
+        If Plotly is not installed.
+    """
+    if isinstance(result, Trajectory):
+        from schuler.reports.navigation import navigation_report
+
+        navigation_report(result, None, path)
+        return Path(path)
+    if isinstance(result, LatitudeFix):
+        result = result.alignment
+    windows = result if isinstance(result, Windows) else None
+    fix = windows.whole if windows is not None else result
+    expect(
+        fix, Alignment, "result",
+        "a report is made of an Alignment, Windows, LatitudeFix or the Path of a navigation",
+    )  # fmt: skip
+    assert isinstance(fix, Alignment)
+    name = fix.inputs.get("record", "record")
+    sections = [_convergence(fix)]
+    if windows is not None:
+        sections.append(_windows(windows))
+    sections += [_budget(fix), _raw(fix), _residuals(fix), _tables(fix)]
+    write_page(path, f"Alignment of {name}: {fix.headline()}", _headline(fix, name), sections)
+    return Path(path)
+
+
+def _headline(fix: Alignment, name: str) -> str:
+    sigma = fix.sigma_arcmin
+    bound = fix.limit_arcmin
+    # What contradicts the record stands above the heading, in a box of its own.
+    told = replace(fix, contradictions=()).headline()
+    value, degrees, rest = told.removeprefix("heading ").partition(" deg ")
+    spread = rest.partition(" (")[0]
+    if not told.startswith("heading ") or not degrees or "±" not in rest:
+        value, degrees, spread = told, "", ""
+    wrong = "".join(f"<li>{escape(text)}</li>" for text in fix.contradictions)
+    facts = [
+        (f"{fix.pitch_deg:.4f}°", "pitch"),
+        (f"{fix.roll_deg:.4f}°", "roll"),
+        (f"{sigma[0]:.2g}′ · {sigma[1]:.2g}′", "tilt, 1 sigma east · north"),
+        (f"{bound[2]:.2g}′" if bound is not None else "no spec", "limit of the heading"),
+        (f"{fix.duration:.6g} s", f"{fix.samples} samples"),
+    ]
+    warned = "".join(f"<li>{escape(text)}</li>" for text in fix.warnings)
+    items = "".join(
+        f"<li><b>{escape(value)}</b><span>{escape(label)}</span></li>" for value, label in facts
+    )
+    return (
+        f"<h1>Alignment · {escape(name)}</h1>"
+        + (f'<ul class="contradictions" aria-label="Inconsistent">{wrong}</ul>' if wrong else "")
+        + f'<p class="value">{escape(value)}{"°" if degrees else ""} <span class="pm">'
+        f"{escape(spread.replace(chr(39), '′'))}</span></p>"
+        f'<p class="sub">Heading clockwise from true north ± 1 sigma, at the {escape(fix.at)} '
+        f"of the span (t = {fix.time:.9g} s), {escape(str(fix.method))}</p>"
+        f'<ul class="facts">{items}</ul>'
+        + (f'<ul class="warnings" aria-label="Warnings">{warned}</ul>' if warned else "")
+    )
+
+
+def _convergence(fix: Alignment) -> Section:
+    c = convergence(fix)
+    return Section(
+        "Convergence",
+        drawings=[
+            Drawing(
+                figures.convergence(c),
+                "Heading if the record had ended earlier, with the sigma that would have been "
+                "stated then.",
+                f"Heading against time used, ending at {c.heading_deg[-1]:.3f} degrees.",
+            )
+        ],
+    )
+
+
+def _windows(w: Windows) -> Section:
+    return Section(
+        "Repeatability",
+        drawings=[
+            Drawing(
+                figures.windows(w),
+                f"{len(w.each)} windows of {w.length:g} s that share no sample. Bars are the "
+                "sigma that each window states of itself; the band is the spread that was found.",
+                f"Headings of {len(w.each)} windows around their mean of "
+                f"{w.mean_heading_deg:.4f} degrees.",
+            )
+        ],
+    )
+
+
+def _budget(fix: Alignment) -> Section:
+    spec = "" if fix.spec else " No specification was given: bias is not in it."
+    return Section(
+        "Where the uncertainty comes from",
+        drawings=[
+            Drawing(
+                figures.budget(fix),
+                "Each source's part of the heading's sigma; they add in squares." + spec,
+                f"Bar chart of the heading's error budget, total {fix.sigma_arcmin[2]:.3g} arcmin.",
+            )
+        ],
+    )
+
+
+def _raw(fix: Alignment) -> Section:
+    force, rate = figures.raw(fix.summary, fix.site.gravity)
+    s = fix.summary
+    quiet = f"{s.quiet_seconds:.6g} s of {s.duration:.6g} s are quiet"
+    return Section(
+        "What the record shows",
+        html=f"<p>{escape(quiet)}; disturbed stretches are shaded.</p>",
+        drawings=[
+            Drawing(force, "How far the length of the specific force is from local gravity: the "
+                    "largest sample, the rms and the mean vector of each second.",
+                    "Departure of the specific force from gravity over time."),
+            Drawing(rate, "Length of the angular rate: the largest sample, the rms and the mean "
+                    "vector of each second. The Earth turns at 0.00418 deg/s.",
+                    "Angular rate over time."),
+        ],
+    )  # fmt: skip
+
+
+def _residuals(fix: Alignment) -> Section:
+    r = residual(fix.history, fix.site, _RESIDUAL_BLOCKS)
+    e, n, u = (1e3 * v for v in r.rms)
+    return Section(
+        "What the attitude leaves unexplained",
+        html=f"<p>Residual velocity rms: east {e:.3g}, north {n:.3g}, up {u:.3g} mm/s, from "
+        f"means over {float(r.dt.mean()):.3g} s. The disturbance part of sigma comes from its "
+        "low frequencies.</p>",
+        drawings=[
+            Drawing(figures.residuals(r, fix.start),
+                    "Residual of the velocity integral. A parabola in it (east) is a constant "
+                    "drift of the gyros about north: it does not turn the heading, and is not "
+                    "counted as disturbance.",
+                    "Residual velocity east, north and up over time."),
+            Drawing(figures.spectrum(r), "Its amplitude spectral density, without that parabola.",
+                    "Spectrum of the residual velocity."),
+        ],
+    )  # fmt: skip
+
+
+def _tables(fix: Alignment) -> Section:
+    q = ", ".join(f"{v:.12g}" for v in fix.quaternion)
+    cov = fix.covariance / ARCMIN**2
+    rows = [
+        ("quaternion (w, x, y, z)", q),
+        ("sigma east, north, up", ", ".join(f"{v:.4g}'" for v in fix.sigma_arcmin)),
+        *(
+            (f"covariance {axis} (arcmin²)", ", ".join(f"{v:.5g}" for v in row))
+            for axis, row in zip(("east", "north", "up"), cov, strict=True)
+        ),
+    ]
+    if fix.orthonormality is not None:
+        rows.append(("orthonormality error", f"{fix.orthonormality / ARCMIN:.4g}'"))
+    return Section(
+        "To do it again",
+        html=definition_table(rows, "Result") + definition_table(fix.inputs.items(), "Inputs"),
+    )

@@ -1,0 +1,96 @@
+"""The page of ``schuler compare``: methods beside one another on one record."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from schuler.alignment.compare import Comparison
+from schuler.reports.figures import BLUE, figure_of, plot_layout
+from schuler.reports.page import Drawing, Section, graph_objects, write_page
+
+__all__ = ["comparison_report"]
+
+
+def _cell(value: float | None, form: str, unit: str = "") -> str:
+    if value is None:
+        return "–"
+    # Thousands of arcminutes are no place for powers of ten.
+    return f"{value:,.0f}{unit}" if form == ".3g" and value >= 1000 else f"{value:{form}}{unit}"
+
+
+def comparison_report(found: Comparison, path: str | Path) -> None:
+    """Write the page.
+
+    Parameters
+    ----------
+    found : Comparison
+    path : str or Path
+        The HTML file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    go = graph_objects()
+    done = [row for row in found.rows if row.heading_deg is not None]
+    best = min(done, key=lambda row: row.sigma_arcmin or np.inf) if done else None
+    body = "".join(
+        f'<tr><th scope="row">{escape(row.method)}</th><td>{escape(row.prefilter)}</td>'
+        f"<td>{_cell(row.heading_deg, '.4f', '°')}</td>"
+        f"<td>{_cell(row.sigma_arcmin, '.3g', '′')}</td>"
+        f"<td>{_cell(row.settle_s, '.4g')}</td><td>{_cell(row.std_heading_arcmin, '.3g', '′')}</td>"
+        f"<td>{row.seconds:.2f}</td><td>{escape(row.note)}</td></tr>"
+        for row in found.rows
+    )
+    heads = ("method", "prefilter", "heading", "sigma", "settled, s", "std of windows", "cost, s",
+             "note")  # fmt: skip
+    table = (
+        "<table><caption>Every method on this record</caption><thead><tr>"
+        + "".join(f'<th scope="col">{name}</th>' for name in heads)
+        + f"</tr></thead><tbody>{body}</tbody></table>"
+    )
+    sections = []
+    if done and best is not None:
+        reference = best.heading_deg or 0.0
+        off = [((row.heading_deg or 0.0) - reference + 180.0) % 360.0 - 180.0 for row in done]
+        names = [
+            row.method if row.prefilter == "none" else f"{row.method} · {row.prefilter}"
+            for row in done
+        ]
+        # Methods that failed outright would squeeze all others into a line.
+        reach = max(4.0 * (best.sigma_arcmin or 1.0), float(np.median(np.abs(off))) * 240.0)
+        layout = plot_layout(
+            max(320, 22 * len(done)), "heading less that of the least sigma, arcmin", ""
+        )
+        layout["yaxis"].update(autorange="reversed", automargin=True)
+        layout["xaxis"].update(range=[-reach, reach])
+        figure = figure_of(
+            [
+                go.Scatter(
+                    x=np.array(off) * 60.0, y=names, mode="markers", name="heading",
+                    marker={"color": BLUE, "size": 8},
+                    error_x={"array": [row.sigma_arcmin for row in done], "color": BLUE},
+                    hovertemplate="%{y}: %{x:.3g}'<extra></extra>",
+                )
+            ],
+            layout,
+        )  # fmt: skip
+        text = "Heading of every method with its 1-sigma bar, against that of the least sigma."
+        sections.append(Section("Headings", drawings=[Drawing(figure, text, text)]))
+    window = "" if found.window is None else f" · windows of {found.window:g} s"
+    limit = "" if found.limit_arcmin is None else f" · limit {found.limit_arcmin:.3g}′"
+    value = "no method found north" if best is None else (
+        f"{best.heading_deg:.3f}° <span class=\"pm\">± {best.sigma_arcmin:.2g}′</span>"
+    )  # fmt: skip
+    head = (
+        f"<h1>Methods compared · {escape(found.name)}</h1>"
+        f'<p class="value">{value}</p>'
+        f'<p class="sub">{"" if best is None else "least sigma: " + escape(best.method) + " · "}'
+        f"{found.duration:.6g} s{window}{limit}</p>"
+    )
+    write_page(path, f"Methods compared: {found.name}", head,
+               [*sections, Section("Table", html=table)])  # fmt: skip

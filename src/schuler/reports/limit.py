@@ -1,0 +1,92 @@
+"""The page of ``schuler limit``: sigma of the heading against time, for an instrument."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from schuler.alignment import Limit, Position
+from schuler.earth import Site
+from schuler.reports.figures import BLUE, GREY, ORANGE, figure_of, line_of, plot_layout
+from schuler.reports.page import Drawing, Section, definition_table, write_page
+from schuler.sensors import ImuSpec
+
+__all__ = ["limit_report"]
+
+
+def limit_report(
+    at: Callable[[float], Limit],
+    spec: ImuSpec,
+    site: Site,
+    positions: Sequence[Position],
+    times: Sequence[float],
+    path: str | Path,
+) -> None:
+    """Write the page.
+
+    Parameters
+    ----------
+    at : callable
+        Gives the limit for a time in all, s.
+    spec, site, positions
+        What it is the limit of.
+    times : sequence of float
+        Times that were asked for, s; the curve runs from a tenth of the shortest to ten times
+        the longest.
+    path : str or Path
+        The HTML file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    t = np.geomspace(0.1 * min(times), 10.0 * max(times), 81)
+    sigma = np.array([at(float(x)).sigma_arcmin for x in t])
+    layout = plot_layout(420, "time in all, s", "1 sigma, arcmin")
+    for axis in ("xaxis", "yaxis"):
+        layout[axis].update(type="log", exponentformat="power")
+    figure = figure_of(
+        [
+            line_of(t, sigma[:, k], name, colour, hovertemplate="%{y:.4g}'")
+            for k, name, colour in ((2, "up", BLUE), (0, "east", GREY), (1, "north", ORANGE))
+        ],
+        layout,
+    )
+    best = at(max(times))
+    rows = [
+        ("instrument", spec.name),
+        *(
+            (f"{part} {key.replace('_', ' ')}", value)
+            for part, values in spec.describe().items()
+            for key, value in values.items()
+        ),
+        ("latitude", f"{site.lat:g} deg"),
+        *(
+            (
+                f"position {k}",
+                f"psi {p.heading_ccw_deg:g}, pitch {p.pitch_deg:g}, roll {p.roll_deg:g} deg, "
+                f"{p.dwell:g} s",
+            )
+            for k, p in enumerate(positions, 1)
+        ),
+    ]
+    head = (
+        f"<h1>Limit of alignment · {escape(spec.name)}</h1>"
+        f'<p class="value">{best.sigma_arcmin[2]:.3g}′ <span class="pm">at best</span></p>'
+        f'<p class="sub">1 sigma of the heading after {max(times):g} s in {len(positions)} '
+        f"position(s), latitude {site.lat:g}°. No method can do better.</p>"
+    )
+    caption = "The Cramér-Rao limit of phi (east, north, up) against the time used."
+    write_page(
+        path,
+        f"Limit of alignment: {spec.name}",
+        head,
+        [
+            Section("Against time", drawings=[Drawing(figure, caption, caption)]),
+            Section("Inputs", html=definition_table(rows, "What this is the limit of")),
+        ],
+    )

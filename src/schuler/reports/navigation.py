@@ -1,0 +1,131 @@
+"""The page of ``schuler navigate``: where it went, and how far off a reference it is."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path as File
+from typing import Any
+
+import numpy as np
+
+from schuler.constants import ARCMIN
+from schuler.earth import radii
+from schuler.navigation import Evaluation
+from schuler.reports.figures import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    POINTS,
+    figure_of,
+    line_of,
+    plot_layout,
+)
+from schuler.reports.page import Drawing, Section, definition_table, write_page
+from schuler.trajectory import Path
+
+__all__ = ["navigation_report"]
+
+
+def navigation_report(path: Path, evaluation: Evaluation | None, to: str | File) -> None:
+    """Write the page.
+
+    Parameters
+    ----------
+    path : Path
+    evaluation : Evaluation or None
+        Against a reference.
+    to : str or Path
+        The HTML file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    f = path.final
+    rows = [
+        ("time", f"{path.time[0]:.9g} to {path.time[-1]:.9g} s"),
+        ("latitude", f"{f['lat_deg']:.8f} deg"),
+        ("longitude", f"{f['lon_deg']:.8f} deg"),
+        ("height", f"{f['height_m']:.3f} m"),
+        ("velocity east, north, up", ", ".join(f"{v:.4f}" for v in f["velocity_enu"]) + " m/s"),
+        ("heading, pitch, roll",
+         f"{f['heading_deg']:.5f}, {f['pitch_deg']:.5f}, {f['roll_deg']:.5f} deg"),
+    ]  # fmt: skip
+    sigma = path.sigma
+    if sigma is not None:
+        for name, key, unit in (
+            ("sigma of position east, north, up", "position_enu_m", "m"),
+            ("sigma of velocity", "velocity_enu", "m/s"),
+            ("sigma of phi", "phi_enu_arcmin", "arcmin"),
+        ):
+            rows.append((name, ", ".join(f"{v:.4g}" for v in sigma[key]) + f" {unit}"))
+    sections = [Section("Where it went", drawings=[_track(path), _height(path)])]
+    value = "by inertia alone"
+    sub = f"{path.time[-1] - path.time[0]:.6g} s; no reference was given"
+    if evaluation is not None:
+        e = evaluation.to_dict()
+        value = f"{e['horizontal_m']:.4g} m off"
+        sub = (
+            f"{path.time[-1] - path.time[0]:.6g} s against {escape(e['reference'])}: "
+            f"{e['north_m']:.4g} m north, {e['east_m']:.4g} east, {e['up_m']:.4g} up; "
+            f"{e['nmi_per_h']:.3g} nmi/h"
+        )
+        rows.append(("median horizontal error", f"{e['cep_m']:.4g} m"))
+        sections.append(Section("Against the reference", drawings=_errors(evaluation)))
+    sections.append(Section("At the end", html=definition_table(rows, "The last row")))
+    head = (
+        f"<h1>Navigation · {escape(path.name)}</h1>"
+        f'<p class="value">{value}</p><p class="sub">{sub}.</p>'
+    )
+    write_page(to, f"Navigation: {path.name}", head, sections)
+
+
+def _thinned(n: int) -> Any:
+    return np.unique(np.linspace(0, n - 1, min(n, POINTS)).astype(int))
+
+
+def _track(path: Path) -> Drawing:
+    k = _thinned(len(path))
+    lat, lon, height = path.position[k].T
+    rm, rn = radii(lat[0])
+    east = np.unwrap(lon) - lon[0]
+    x = east * np.cos(lat[0]) * (float(rn) + height[0])
+    y = (lat - lat[0]) * (float(rm) + height[0])
+    layout = plot_layout(460, "east, m", "north, m", hovermode="closest")
+    layout["yaxis"]["scaleanchor"] = "x"
+    text = "The way over ground, from the start."
+    return Drawing(figure_of([line_of(x, y, "way", BLUE)], layout), text, text)
+
+
+def _height(path: Path) -> Drawing:
+    k = _thinned(len(path))
+    text = "Height above the ellipsoid."
+    trace = line_of(path.time[k], path.position[k, 2], "height", BLUE)
+    return Drawing(figure_of([trace], plot_layout(260, "time, s", "height, m")), text, text)
+
+
+def _errors(e: Evaluation) -> list[Drawing]:
+    k = _thinned(len(e.time))
+    t = e.time[k]
+    colours = (BLUE, ORANGE, GREY)
+    out = []
+
+    def draw(values: Any, names: tuple[str, ...], unit: str, text: str) -> None:
+        traces = [
+            line_of(t, values[k, j], name, colours[j], hovertemplate="%{y:.4g}")
+            for j, name in enumerate(names)
+        ]
+        out.append(Drawing(figure_of(traces, plot_layout(300, "time, s", unit)), text, text))
+
+    level = ("east", "north", "up")
+    draw(e.position, level, "m", "Position error, path minus reference.")
+    if e.velocity is not None:
+        draw(e.velocity, level, "m/s", "Velocity error.")
+    if e.phi is not None:
+        draw(e.phi / ARCMIN, level, "arcmin", "Misalignment phi of the attitude.")
+    out[0].figure.add_trace(
+        line_of(t, e.radial[k], "horizontal", GREEN, hovertemplate="%{y:.4g}")
+    )  # fmt: skip
+    return out

@@ -1,0 +1,68 @@
+"""The page of ``schuler north``: readings on an indexing table and the cosine through them."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from schuler.alignment.table_north import TableNorth
+from schuler.constants import DEG, DEG_PER_HOUR
+from schuler.reports.figures import BLUE, GREY, figure_of, line_of, plot_layout
+from schuler.reports.page import Drawing, Section, definition_table, graph_objects, write_page
+
+__all__ = ["north_report"]
+
+
+def north_report(found: TableNorth, path: str | Path) -> None:
+    """Write the page.
+
+    Parameters
+    ----------
+    found : TableNorth
+    path : str or Path
+        The HTML file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    go = graph_objects()
+    theta = np.linspace(-180.0, 360.0, 361)
+    wave = found.bias + found.amplitude * np.cos((theta - found.north_deg) * DEG)
+    figure = figure_of(
+        [
+            line_of(theta, wave / DEG_PER_HOUR, "cosine", GREY),
+            go.Scatter(
+                x=found.angles_deg, y=found.means / DEG_PER_HOUR, mode="markers", name="dwells",
+                marker={"color": BLUE, "size": 9},
+                error_y={"array": found.sigmas / DEG_PER_HOUR, "color": BLUE},
+            ),
+        ],
+        plot_layout(420, "table angle, deg", "mean reading, deg/h"),
+    )  # fmt: skip
+    text = "Mean reading of each dwell against the table angle, and the cosine through them."
+    head = (
+        "<h1>North by an indexing table</h1>"
+        f'<p class="value">{found.north_deg:.3f}° <span class="pm">± {found.sigma_deg:.2g}°</span>'
+        '</p><p class="sub">table angle at which the input axis points north</p>'
+    )
+    rows = [
+        (f"{a:g} deg", f"{m / DEG_PER_HOUR:.5f} ± {s / DEG_PER_HOUR:.2g} deg/h, {c} left out")
+        for a, m, s, c in zip(
+            found.angles_deg, found.means, found.sigmas, found.clipped, strict=True
+        )
+    ]
+    rows += [
+        ("bias", f"{found.bias / DEG_PER_HOUR:.4g} deg/h"),
+        ("amplitude", f"{found.amplitude / DEG_PER_HOUR:.5g} deg/h"),
+    ]
+    write_page(
+        path, "North by an indexing table", head,
+        [
+            Section("Readings", drawings=[Drawing(figure, escape(text), text)]),
+            Section("Dwells", html=definition_table(rows, "Means without outliers")),
+        ],
+    )  # fmt: skip

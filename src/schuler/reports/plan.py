@@ -1,0 +1,146 @@
+"""The page of ``schuler plan``: the search, the schemes found, and the trade between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler.centrifuge import OBJECTIVES, PUBLISHED_POSITIONS, Plan, judge
+from schuler.reports.calibrate import correlation_figure
+from schuler.reports.figures import BLUE, GREY, ORANGE, figure_of, plot_layout
+from schuler.reports.page import Drawing, Section, definition_table, graph_objects, write_page
+
+__all__ = ["plan_report"]
+
+
+def plan_report(plans: Sequence[Plan], path: str | Path) -> None:
+    """Write the page of one plan, or of several with different numbers of positions.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    SchulerError
+        If Plotly is not installed.
+    """
+    from schuler.centrifuge import coefficient_names
+
+    best = min(plans, key=lambda p: p.objective)
+    problem = best.problem
+    name = problem.objective.name
+    sections = []
+    if len(plans) > 1:
+        sections.append(Section("The trade", drawings=[_trade(plans, name)]))
+    found = judge(problem.plant, best.positions, problem.dwell)
+    printed = judge(problem.plant, np.array(PUBLISHED_POSITIONS, float), problem.dwell)
+    rows = [
+        (
+            f"{key}: {OBJECTIVES[key][1]}",
+            f"{value:.4g} (published scheme {printed.values[key]:.4g})",
+        )
+        for key, value in found.values.items()
+    ]
+    scheme = [
+        (f"position {k}", ", ".join(f"{v:g}°" for v in row))
+        for k, row in enumerate(best.positions, 1)
+    ]
+    sections += [
+        Section("The search", drawings=[_search(plans, name)]),
+        Section(
+            "The scheme",
+            html=definition_table(scheme, "Alpha, beta, gamma")
+            + definition_table(rows, "By every measure"),
+            drawings=[
+                _positions(best),
+                Drawing(
+                    correlation_figure(found.correlation, coefficient_names()),
+                    "Correlation of the coefficients' errors after the scheme.",
+                    "Matrix of correlations",
+                ),
+            ],
+        ),
+    ]
+    head = (
+        "<h1>Plan of a centrifuge test</h1>"
+        f'<p class="value">{best.objective:.4g} <span class="pm">{name}</span></p>'
+        f'<p class="sub">{len(best.positions)} positions of {problem.dwell:g} s; the published '
+        f"scheme has {best.published_objective:.4g}. Worst sigma "
+        f"{100 * best.worst_relative_sigma:.3g} % of a coefficient. "
+        f"{sum(p.evaluations for p in plans)} evaluations in "
+        f"{sum(p.seconds for p in plans):.1f} s.</p>"
+    )
+    write_page(path, "Plan of a centrifuge test", head, sections)
+
+
+def _search(plans: Sequence[Plan], name: str) -> Drawing:
+    go = graph_objects()
+    traces: list[Any] = []
+    for plan in plans:
+        if not plan.history:
+            continue
+        seconds, _, value = (np.array(v) for v in zip(*plan.history, strict=True))
+        traces.append(
+            go.Scatter(
+                x=seconds, y=value, mode="lines+markers", line={"shape": "hv"},
+                name=f"{len(plan.positions)} positions",
+                hovertemplate="%{x:.1f} s: %{y:.4g}<extra></extra>",
+            )
+        )  # fmt: skip
+    layout = plot_layout(360, "time, s", f"best {name}", hovermode="closest")
+    caption = "The best value so far; each mark is a round from a start of its own."
+    return Drawing(figure_of(traces, layout), caption, caption)
+
+
+def _positions(plan: Plan) -> Drawing:
+    go = graph_objects()
+    printed = np.array(PUBLISHED_POSITIONS, float)
+    layout = plot_layout(440, "alpha, deg", "gamma, deg", hovermode="closest")
+    for axis in ("xaxis", "yaxis"):
+        layout[axis].update(range=[-8, 368], dtick=45)
+    figure = figure_of(
+        [
+            go.Scatter(
+                x=rows[:, 0], y=rows[:, 2], mode="markers", name=name,
+                marker={"color": colour, "size": 12, "symbol": symbol},
+                hovertemplate="alpha %{x:g}°, gamma %{y:g}°<extra></extra>",
+            )
+            for rows, name, colour, symbol in (
+                (plan.positions, "this plan", BLUE, "circle"),
+                (printed, "published", GREY, "x"),
+            )
+        ],
+        layout,
+    )  # fmt: skip
+    return Drawing(figure, "Where the platform is put.", "Positions of plan and publication")
+
+
+def _trade(plans: Sequence[Plan], name: str) -> Drawing:
+    go = graph_objects()
+    count = [len(p.positions) for p in plans]
+    layout = plot_layout(400, "positions", name, hovermode="closest")
+    layout["xaxis"].update(dtick=1)
+    layout["yaxis2"] = {
+        "title": {"text": "worst sigma, %"}, "overlaying": "y", "side": "right",
+        "rangemode": "tozero", "showgrid": False,
+    }  # fmt: skip
+    layout["margin"] = {**layout.get("margin", {}), "r": 70}
+    figure = figure_of(
+        [
+            go.Scatter(
+                x=count, y=[p.objective for p in plans], name=name, mode="lines+markers",
+                line={"color": BLUE},
+            ),
+            go.Scatter(
+                x=count, y=[100 * p.worst_relative_sigma for p in plans], name="worst sigma",
+                mode="lines+markers", line={"color": ORANGE, "dash": "dash"}, yaxis="y2",
+            ),
+        ],
+        layout,
+    )  # fmt: skip
+    return Drawing(
+        figure, "What more positions are worth, and that the objective is not accuracy.",
+        "Objective and worst sigma against the number of positions",
+    )  # fmt: skip

@@ -1,0 +1,89 @@
+"""The page in a browser: every figure is drawn, in light and dark, and nothing goes wrong."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from schuler.alignment import align, align_windows
+from schuler.reports import report
+
+from .test_report import HOSTILE, SITE, record
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+FLAGS = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+    "--disable-dev-shm-usage", "--virtual-time-budget=15000",
+)  # fmt: skip
+
+LIGHT, DARK = "rgb(27, 36, 48)", "rgb(231, 236, 242)"
+"""--ink of the page's style, light and dark."""
+
+
+@pytest.fixture(scope="module")
+def chromium() -> str:
+    for name in ("chromium", "chromium-browser", "google-chrome"):
+        if found := shutil.which(name):
+            return found
+    pytest.skip("there is no Chromium (chromium, chromium-browser, google-chrome) here")
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    windows = align_windows(record(120.0, 20.0, HOSTILE), SITE, 30.0, spec="navigation-fog")
+    return report(windows, tmp_path_factory.mktemp("page") / "page.html")
+
+
+def visit(chromium: str, page: Path, folder: Path, *more: str) -> tuple[str, str]:
+    """Return the page's elements after its scripts have run, and the browser's log."""
+    done = subprocess.run(
+        [chromium, *FLAGS, f"--user-data-dir={folder}", "--enable-logging=stderr", "--v=0",
+         *more, "--dump-dom", page.as_uri()],
+        capture_output=True, text=True, timeout=180, check=True,
+    )  # fmt: skip
+    return done.stdout, done.stderr
+
+
+def plots(dom: str) -> list[str]:
+    """Return the elements of each plot, up to its caption."""
+    return re.findall(r'<div class="plot.*?<figcaption', dom, re.DOTALL)
+
+
+@pytest.mark.parametrize(
+    ("look", "ink"), [((), LIGHT), (("--blink-settings=preferredColorScheme=0",), DARK)]
+)
+def test_every_figure_is_drawn(
+    chromium: str, page: Path, tmp_path: Path, look: tuple[str, ...], ink: str
+) -> None:
+    dom, log = visit(chromium, page, tmp_path, *look)
+    assert 'data-drawn="7"' in dom
+    drawn = plots(dom)
+    assert len(drawn) == 7
+    for plot in drawn:
+        assert 'class="main-svg"' in plot
+        assert re.search(r'<path class="js-(line|fill)"|class="point"', plot), plot[:300]
+        assert ink in plot
+    console = [line for line in log.splitlines() if "CONSOLE" in line]
+    assert console == []
+    assert "Uncaught" not in log
+
+
+def test_the_log_would_show_an_error(chromium: str, tmp_path: Path) -> None:
+    """The test above can fail: an exception in a page is in the log."""
+    bad = tmp_path / "bad.html"
+    bad.write_text("<!doctype html><script>throw new Error('for the log')</script>")
+    _, log = visit(chromium, bad, tmp_path / "profile")
+    assert any("CONSOLE" in line and "for the log" in line for line in log.splitlines())
+
+
+def test_a_page_without_specification(chromium: str, tmp_path: Path) -> None:
+    page = report(align(record(60.0, 20.0), SITE, "analytic"), tmp_path / "page.html")
+    dom, log = visit(chromium, page, tmp_path / "profile")
+    assert 'data-drawn="6"' in dom
+    assert "Uncaught" not in log
