@@ -28,7 +28,7 @@ from schuler.ins import (
 from schuler.kernels import ins_layout as kernel
 from schuler.motion import Manoeuvre, Route, Static
 from schuler.sensors import GRADES
-from schuler.simulate import simulate
+from schuler.simulation import simulate
 from tests.conftest import chi_square_band
 from tests.ins.tools import CONJUGATE, moved
 
