@@ -150,8 +150,6 @@ class Aligner:
             self._tail = (chunk.time[-1:], chunk.dt[-1:])
             self._held.append(chunk)
             return self
-        if isinstance(self.method, (Fine, Gyrocompass)):
-            self._held.append(chunk)
         if not self._subsamples:
             self._open(chunk)
         self._tracking.track(
@@ -241,20 +239,19 @@ class Aligner:
         at_end = self.at == "end"
         if not isinstance(self.method, (Fine, Gyrocompass)):
             return estimate(h, self.site, self.method, spec, at_end)
-        record = ImuRecord.concatenate(self._held)
         if isinstance(self.method, Gyrocompass):
             if not at_end:
                 raise InputError("a gyrocompass loop gives the attitude at the end: say --at end")
-            loop = compass_alignment(record, h, self.site, self.method, spec)
+            loop = compass_alignment(h, self.site, self.method, spec)
             return Estimate(
                 self.method, loop.attitude, loop.budget, None, None, spec, passed=loop.passed
             )
-        fine = fine_alignment(record, h, self.site, self.method, spec, at_end)
+        fine = fine_alignment(h, self.site, self.method, spec, at_end)
         known = spec is not None
         return Estimate(
             self.method, fine.attitude, fine.budget, None, None, spec,
             fine.biases if known else None, fine.bias_covariance if known else None,
-            passed=fine.passed,
+            passed=fine.passed, best=fine.best,
         )  # fmt: skip
 
     def _prefiltered(self) -> Alignment:

@@ -12,7 +12,6 @@ import numpy as np
 from schuler._version import __version__
 from schuler.alignment.aligner import Aligner
 from schuler.alignment.checkpoint import read_checkpoint, write_checkpoint
-from schuler.alignment.methods import METHODS, Fine, Gyrocompass
 from schuler.alignment.result import Alignment
 from schuler.earth import Site
 from schuler.errors import InputError
@@ -75,7 +74,7 @@ class LiveAligner:
     kind : {"rates", "mean-rates", "increments"}
         What the values are.
     method : str, optional
-        A name of `METHODS`; those that need the whole record are refused.
+        A name of `METHODS`.
     spec : ImuSpec, str or path, optional
     depth : int
         Samples that are held while one is missing.
@@ -85,7 +84,7 @@ class LiveAligner:
     Raises
     ------
     InputError
-        For an unknown method, or one that needs the whole record.
+        For an unknown method, or one with a prefilter, which needs the whole record.
     """
 
     def __init__(
@@ -99,12 +98,6 @@ class LiveAligner:
         max_gap: float = 5.0,
     ) -> None:
         self.aligner = Aligner(site, method, spec)
-        if isinstance(self.aligner.method, (Fine, Gyrocompass)):
-            live = [n for n, m in METHODS.items() if not isinstance(m, (Fine, Gyrocompass))]
-            raise InputError(
-                f"the method {self.aligner.method} needs the whole record and cannot run live; "
-                f"take one of {', '.join(live)}"
-            )
         if self.aligner.method.prefilter is not None:
             raise InputError("a prefilter needs the whole record and cannot run live")
         self._name = method or "auto"

@@ -384,6 +384,12 @@ class ZeroForce(Measurement):
     STATES: ClassVar[Mapping[str, int]] = {}
     LABEL: ClassVar[str] = "zero_force"
 
+    def table(self, aid: int) -> Array:
+        """Return the rows of the kernel's table of measurements, (m, M_SIZE)."""
+        out = super().table(aid)
+        out[:, kernel.M_SIGMA + 2] = 0.0
+        return out
+
 
 @dataclass(frozen=True, eq=False)
 class State:
