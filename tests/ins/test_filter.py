@@ -27,6 +27,7 @@ from schuler.ins import (
 )
 from schuler.kernels import ins_layout as kernel
 from schuler.motion import Manoeuvre, Route, Static
+from schuler.record import ImuRecord
 from schuler.sensors import GRADES
 from schuler.simulation import simulate
 from tests.conftest import chi_square_band
@@ -473,3 +474,45 @@ def test_bad_arguments(change, text):
 def test_a_measurement_before_the_record_is_an_error(drive):
     with pytest.raises(InputError, match="before the record"):
         made_filter(drive, [Velocity([-1.0])]).update(drive.record)
+
+
+@pytest.mark.parametrize("fixed", [False, True], ids=["moving", "fixed place"])
+def test_what_the_instrument_has_corrected_is_not_corrected_again(fixed):
+    rng = np.random.default_rng(5)
+    a, f = 0.02 * rng.standard_normal((2, 400, 3))
+    f[:, 2] += 0.1
+    before_a, before_f = (np.vstack([np.zeros((1, 3)), x[:-1]]) for x in (a, f))
+    turn = a + np.cross(before_a, a) / 12.0
+    x = np.cross(a, f)
+    push = (
+        f + 0.5 * x + np.cross(a, x) / 6.0
+        + (np.cross(before_a, f) + np.cross(before_f, a)) / 12.0
+    )  # fmt: skip
+    layout = Layout(["phi", "velocity"])
+    ends = {}
+    for coning in (False, True):
+        for sculling in (False, True):
+            record = ImuRecord(
+                0.01 * np.arange(1, 401), np.full(400, 0.01), turn if coning else a,
+                push if sculling else f, coning, sculling,
+            )  # fmt: skip
+            made = ErrorStateFilter(
+                layout, SITE, [1.0, 0.0, 0.0, 0.0], np.eye(6), ProcessNoise.of(layout, {}),
+                fixed_place=fixed,
+            )  # fmt: skip
+            made.update(record)
+            ends[coning, sculling] = np.r_[made.quat_nb, made.v_n]
+    wanted = ends.pop((False, False))
+    np.testing.assert_allclose(ends[False, True], wanted, atol=2e-6)
+    for end in ends.values():
+        # The rotation correction of corrected angles differs by a twelfth of their correction.
+        np.testing.assert_allclose(end[:4], wanted[:4], atol=1e-12)
+        np.testing.assert_allclose(end[4:], wanted[4:], atol=2e-4)
+    # Were the flags not heard, it would show.
+    deaf = replace(record, coning_corrected=False, sculling_corrected=False)
+    made = ErrorStateFilter(
+        layout, SITE, [1.0, 0.0, 0.0, 0.0], np.eye(6), ProcessNoise.of(layout, {}),
+        fixed_place=fixed,
+    )  # fmt: skip
+    made.update(deaf)
+    assert np.abs(made.quat_nb - wanted[:4]).max() > 1e-5

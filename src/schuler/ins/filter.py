@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -57,6 +57,8 @@ class ErrorStateFilter:
         What is measured; those of one instant are taken in this order.
     v_n : (3,) array_like
         Velocity at the start, east, north, up, m/s.
+    error_state : (n,) array_like
+        Error estimates at the start, where the navigation does not start from the prior's mean.
     parameters : dict of str to array_like, optional
         Estimates of other groups at the start; zero by default.
     fixed_place : bool
@@ -93,6 +95,7 @@ class ErrorStateFilter:
         aids: Sequence[Measurement | CustomMeasurement] = (),
         *,
         v_n: ArrayLike = (0.0, 0.0, 0.0),
+        error_state: ArrayLike = 0.0,
         parameters: Mapping[str, ArrayLike] | None = None,
         fixed_place: bool = False,
         earth_rate: ArrayLike | None = None,
@@ -104,9 +107,10 @@ class ErrorStateFilter:
         force_at_rest: bool = False,
         vertical: bool = True,
     ) -> None:
-        from schuler.kernels import error_state, strapdown
+        from schuler.kernels import strapdown
+        from schuler.kernels.error_state import run
 
-        self._kernel = error_state
+        self._run: Callable[..., tuple[int, int, int, int]] = run
         self.layout, self.noise, self.aids = layout, noise, tuple(aids)
         n, size = layout.size, layout.padded
         p = np.asarray(covariance, np.float64)
@@ -129,6 +133,7 @@ class ErrorStateFilter:
         self._state[kernel.HEIGHT] = site.height
         self._survey = np.zeros(strapdown.STATE_SIZE)
         self._est, self._x = np.zeros(size), np.zeros(size)
+        self._x[:n] = error_state
         for name, value in (parameters or {}).items():
             self._est[layout[name]] = value
         self._p = np.zeros((size, size))
@@ -173,7 +178,7 @@ class ErrorStateFilter:
         self._kept_p: list[Array] = []
         if smooth:
             # The start is an epoch without measurements.
-            self._kept_x.append(np.zeros((1, 3, size)))
+            self._kept_x.append(np.stack([self._x, self._x, np.zeros(size)])[None])
             self._kept_p.append(np.stack([self._p, self._p, np.eye(size)])[None])
         self._start = (self.quat_nb, self.v_n)
 
@@ -275,7 +280,7 @@ class ErrorStateFilter:
         said = np.zeros((len(self._queue), kernel.D_SIZE))
         i = j = done = 0
         while True:
-            i, j, rows, why = self._kernel.run(
+            i, j, rows, why = self._run(
                 self._state, self._survey, self._est, self._x, self._p, self._parts,
                 self.layout.at, self._cfg, self._options, self.noise.walk, self.noise.bound,
                 self.noise.fade, self.noise.source, self.layout.sign, self._aids, self._aid_state,
