@@ -26,6 +26,7 @@ from schuler.alignment.history import History
 from schuler.alignment.methods import Analytic
 from schuler.alignment.stationary.analytic import analytic_attitude
 from schuler.alignment.stationary.optimal import joint
+from schuler.attitude import quat_to_matrix
 from schuler.constants import ARCMIN, DEG_PER_HOUR, EARTH_RATE
 from schuler.earth import Site
 from schuler.errors import InputError
@@ -78,7 +79,7 @@ def assess(
     again : callable
         Makes the estimate for another history and specification.
     """
-    if _turns_only_by_gyros(summary):
+    if _turns_only_by_gyros(h, summary):
         bias = float(np.linalg.norm(summary.mean_rate))
         contradictions: tuple[Contradiction, ...] = ()
         if spec is not None and bias > 4.6 * bias_sigma(spec.gyro, site.gravity):
@@ -155,7 +156,7 @@ def _bias_text(bias: float, spec: ImuSpec) -> str:
     )
 
 
-def _turns_only_by_gyros(summary: Summary) -> bool:
+def _turns_only_by_gyros(h: History, summary: Summary) -> bool:
     """Say whether the gyros claim a turn across gravity that the force does not show."""
     table = summary.stretch_sums
     third = len(table.data) // 3
@@ -167,8 +168,15 @@ def _turns_only_by_gyros(summary: Summary) -> bool:
     # From the middle of the first third to the middle of the last.
     turn = table.sum_dtheta.sum(axis=0) * (2.0 / 3.0)
     across = float(np.linalg.norm(turn - (turn @ a) * a))
+    # Angles that do not commute add up to more than the attitude turns: it must have turned too.
+    tracked = a @ quat_to_matrix(h.quat)
+    n = len(tracked) // 3
+    begin, end = tracked[:n].mean(axis=0), tracked[-n:].mean(axis=0)
+    size = float(np.linalg.norm(begin) * np.linalg.norm(end))
+    # Vectors that point everywhere have a short mean.
+    turned = float(np.arccos(np.clip(begin @ end / size, -1.0, 1.0))) if size > 0.9 else np.pi
     earth = EARTH_RATE * summary.duration
-    return across > _PROVEN + earth and seen < 0.2 * across
+    return min(across, turned) > _PROVEN + earth and seen < 0.2 * across
 
 
 def _level_only(h: History, summary: Summary, site: Site, spec: ImuSpec | None) -> Estimate:

@@ -1,17 +1,14 @@
 """Whether gyros and accelerometers name the same axes: f must turn in the body as w says.
 
-In the frame that the gyros hold, the force of a base that moves is gravity, which is steady, plus
-the vehicle's acceleration `a`, of unknown spectrum. A wrong naming of the gyros' axes leaves a part
-of gravity there that moves with the base. The likelihood of the force in that frame, with the
-acceleration's spectrum estimated in bands, is compared over all 48 ways of naming the axes. A lever
-arm adds a part proportional to frequency squared, which is fitted.
-
-For small motion f = f0 - theta x f0 + a with the gyros' angle theta, and all namings come from one
-Fourier transform. A base that turns far is rotated for each naming.
+For the low frequencies of a base that moves, f = f0 - theta x f0 + a, with the gyros' angle theta
+and an acceleration `a` of unknown spectrum; a lever arm adds a part proportional to frequency
+squared. The likelihood of this, with the acceleration's spectrum estimated in bands, is compared
+over all 48 ways of naming the gyros' axes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import permutations, product
@@ -20,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.history import History
-from schuler.attitude import multiply, quat_to_rotvec
+from schuler.kernels.states import TrackerNode
 
 __all__ = ["AXES_MARGIN", "AxesTest", "axes_test", "axes_text"]
 
@@ -33,14 +30,11 @@ AXES_MARGIN = 15.0
 _HIGHEST = 1.0
 """Frequency (Hz) up to which the force is looked at: above, a vehicle's shaking hides its tilt."""
 
-_SMALL = 0.03
-"""Angle (rad) of the base within the record up to which its square is left out."""
+_LARGEST = 0.3
+"""Angle (rad) of the base within a span beyond which small angles say nothing."""
 
 _LEAST = 64
 """Intervals that are enough."""
-
-_STEP = 0.2
-"""Time (s) between instants that is short enough for `_HIGHEST`."""
 
 
 @dataclass(frozen=True)
@@ -114,38 +108,42 @@ class _Bands:
         edges[0] = 0
         return cls(used, frequency[used], edges)
 
+    def left(self, x: Array) -> Array:
+        """Return series (n, c) without their parabola: a bias and a drift leak into all else."""
+        trend, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, len(x)), 3))
+        return np.asarray(x - trend @ (trend.T @ x))
+
     def spectrum(self, x: Array) -> Spectrum:
-        """Return the spectrum (..., k, c) of series (..., n, c)."""
-        n = x.shape[-2]
-        # A parabola is a bias and a drift; it would leak into all frequencies.
-        trend, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, n), 3))
-        window = np.hanning(n)[:, None] / np.sqrt(0.375 * n)
-        return np.asarray(
-            np.fft.rfft((x - trend @ (trend.T @ x)) * window, axis=-2)[..., self.used, :]
-        )
+        """Return the spectrum (k, c) of series (n, c)."""
+        window = np.hanning(len(x))[:, None] / np.sqrt(0.375 * len(x))
+        return np.asarray(np.fft.rfft(self.left(x) * window, axis=0)[self.used])
 
 
-def axes_test(h: History) -> AxesTest | None:
+def axes_test(h: History, spans: Sequence[tuple[float, float]] | None = None) -> AxesTest | None:
     """Compare how the force turns in the body with the gyros, over all namings of their axes.
 
     Parameters
     ----------
     h : History
+    spans : sequence of (float, float), optional
+        Start and end of the dwells, s since the start; the whole record when not given. What is
+        turned on purpose turns too far for small angles.
 
     Returns
     -------
-    AxesTest, or None for a record with too few nodes.
+    AxesTest, or None where no span has enough nodes.
     """
-    far = float(np.abs(quat_to_rotvec(h.quat)).max()) > _SMALL
-    if far and h.duration < _STEP * (len(h) - 1):
-        h, _ = h.thin(int(h.duration / _STEP) + 1)
-    n = len(h) - 1
-    bands = _Bands.of(n, h.duration / n) if n >= _LEAST else None
-    if bands is None:
+    namings, names = _namings()
+    log = np.zeros(len(namings))
+    told = False
+    for begin, end in [(0.0, h.duration)] if spans is None else spans:
+        first, last = np.searchsorted(h.t, [begin - 1e-9, end + 1e-9]) - [0, 1]
+        part = _of_span(h.rows[first : last + 1], namings)
+        if part is not None:
+            log += part
+            told = True
+    if not told:
         return None
-    held, lever = (_rotated if far else _small)(h, bands)
-    log = _log_likelihood(held, lever * (bands.frequency**2)[:, None], bands.edges)
-    _, names = _namings()
     best = int(np.argmax(log[:-2]))
     margin = float(log[best] - max(log[0], log[-1]))
     if margin < AXES_MARGIN:
@@ -153,33 +151,28 @@ def axes_test(h: History) -> AxesTest | None:
     return AxesTest(margin, names[best], mirrored=bool(log[-2] > log[best] - 3.0))
 
 
-def _small(h: History, bands: _Bands) -> tuple[Spectrum, Spectrum]:
-    """Return the level force held by each naming, and what its lever arm adds, for small angles."""
-    namings, _ = _namings()
-    angle = np.diff(h.nodes.sum_dtheta, axis=0)
-    f_b = np.diff(h.nodes.sum_dvel, axis=0) / np.diff(h.t)[:, None]
+def _of_span(rows: Array, namings: Array) -> Array | None:
+    """Return the log likelihood (k,) of each naming in one span of a history's rows."""
+    n = len(rows) - 1
+    if n < _LEAST:
+        return None
+    nodes = TrackerNode(rows)
+    dt = np.diff(nodes.time)
+    bands = _Bands.of(n, float(dt.mean()))
+    if bands is None:
+        return None
+    angle = np.diff(nodes.sum_dtheta, axis=0)
+    theta = np.cumsum(angle, axis=0) - 0.5 * angle
+    if np.abs(bands.left(theta)).max() > _LARGEST:
+        return None
+    f_b = np.diff(nodes.sum_dvel, axis=0) / dt[:, None]
     mean = f_b.mean(axis=0)
     level = _level_axes(mean)
-    theta = np.cumsum(angle, axis=0) - 0.5 * angle
     turned, seen = bands.spectrum(theta), bands.spectrum((f_b - mean) @ level)
     # -theta x f for each naming, in one product.
     turns = np.einsum("kc,mac,ab->mkb", turned, namings, -_cross_matrix(mean) @ level)
-    return np.asarray(seen[None] - turns), np.asarray(turns)
-
-
-def _rotated(h: History, bands: _Bands) -> tuple[Spectrum, Spectrum]:
-    """Return the same for any angles, by rotating the force with each naming."""
-    from schuler.kernels.namings import held_forces
-
-    namings, _ = _namings()
-    back = h.quat[:-1] * [1.0, -1.0, -1.0, -1.0]
-    phi = quat_to_rotvec(multiply(back, h.quat[1:]))
-    f_b = np.diff(h.nodes.sum_dvel, axis=0) / np.diff(h.t)[:, None]
-    out = np.empty((len(namings), len(phi), 6))
-    held_forces(phi, f_b, f_b.mean(axis=0), namings, out)
-    level = np.stack([_level_axes(x) for x in out[:, :, :3].mean(axis=1)])
-    # A lever along the mean force moves as the mean force does, in the frame that is held.
-    return bands.spectrum(out[:, :, :3] @ level), bands.spectrum(out[:, :, 3:] @ level)
+    lever = turns * (bands.frequency**2)[:, None]
+    return _log_likelihood(seen[None] - turns, lever, bands.edges)
 
 
 def _level_axes(f: Array) -> Array:

@@ -388,14 +388,14 @@ def check(
     from schuler.alignment.history import inertial_to_local
 
     contradictions: list[Contradiction] = []
-    axes = axes_test(h)
+    thin = best.history
+    axes = axes_test(h, [(float(thin.t[i]), float(thin.t[j])) for i, j in best.dwells])
     if axes is not None and axes.margin >= AXES_MARGIN:
         contradictions.append(Contradiction("axes", axes_text(axes)))
     found: EarthRateTest | None = None
     least = 0.0
     if best.dwells:
         middle = len(best.attitude) // 2
-        thin = best.history
         t = 0.5 * float(thin.t[middle] + thin.t[middle + 1])
         c_nb = inertial_to_local(t, site.latitude) @ best.attitude[middle]
         found = earth_rate_test(best, site, spec, c_nb[2], c_nb[1])

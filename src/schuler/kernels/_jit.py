@@ -40,3 +40,12 @@ def helper(function: F) -> F:
     """Compile a small function that is only ever inlined into kernels."""
     compiled: F = numba.njit(forceinline=True, error_model="numpy", fastmath=_FUSE)(function)
     return compiled
+
+
+def inlined(function: F) -> F:
+    """Compile a small function as if its lines stood in the kernel: the same bits as if they did.
+
+    A `helper` is inlined later, when products and sums are chosen that are rounded once.
+    """
+    compiled: F = numba.njit(inline="always", error_model="numpy", fastmath=_FUSE)(function)
+    return compiled

@@ -1,6 +1,6 @@
 """Strapdown navigation that does not know poles: attitude, velocity and position, resumable.
 
-Coning and sculling as in `schuler.kernels.tracking`; gravity, Coriolis and the turn of the frame
+Coning and sculling as in `schuler.kernels.increments`; gravity, Coriolis and the turn of the frame
 are taken at the middle of each update, with velocity carried there by the last acceleration
 (Savage, 1998, parts 1 and 2).
 
@@ -29,9 +29,14 @@ from schuler.constants import (
 )
 from schuler.kernels._jit import helper, kernel
 from schuler.kernels.covariance import propagate
-from schuler.kernels.quat import qexp, qmul, qrotate, quat_to_matrix, rotation_averages
+from schuler.kernels.increments import (
+    normalised,
+    previous_pair,
+    rotated_velocity,
+    waiting_pair,
+)
+from schuler.kernels.quat import qexp, qmul, qrotate, quat_to_matrix
 from schuler.kernels.states import PathRow, StrapdownOptions, StrapdownState
-from schuler.kernels.tracking import combine
 from schuler.kernels.vec import Vec, add, axpy, cross, scale
 
 STATE_SIZE = StrapdownState.size
@@ -42,8 +47,6 @@ FREE, DAMPED, OFF = 0, 1, 2
 
 SURVEY, RENORM = 8, 64
 """Updates between two looks at the ellipsoid, and between two corrections of lengths."""
-
-TWELFTH = 1.0 / 12.0
 
 OPTIONS = StrapdownOptions.size
 
@@ -122,13 +125,6 @@ def stored(s, q, v, p, level: float, pull) -> None:
 
 
 @helper
-def renormalised(q):
-    """Return q scaled to unit length by one Newton step."""
-    m = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    return m * q[0], m * q[1], m * q[2], m * q[3]
-
-
-@helper
 def advance(
     s, options, aid: float, span: float, ta, tv, con, scu, coning: float, sculling: float,
     q, v, p, level: float, pull,
@@ -139,11 +135,7 @@ def advance(
     stay in registers from one update to the next; `s` holds the slow rest. The force in n goes
     with them.
     """
-    u = tv
-    if sculling != 0.0:
-        c1, c2 = rotation_averages(ta[0] * ta[0] + ta[1] * ta[1] + ta[2] * ta[2])
-        x1 = cross(ta, tv)
-        u = add(axpy(c1, x1, axpy(c2, cross(ta, x1), tv)), scu)
+    u = rotated_velocity(sculling, ta, tv, scu)
     # Where the middle of the update is, and how fast: by the last acceleration.
     half = 0.5 * span
     middle = axpy(half, pull, v)
@@ -158,7 +150,7 @@ def advance(
         s[38], s[39] = s2, level
         if count % RENORM == 0:
             # Lengths stray by a rounding an update.
-            q, p = renormalised(q), renormalised(p)
+            q, p = normalised(q), normalised(p)
     s[17] += 1.0
     up = height - s[39]
     a = s[33] * (1.0 - s[33] * up - 0.5 * EARTH_E2 * (z[2] * z[2] - s[38]))
@@ -250,8 +242,7 @@ def navigate(
             span = dt[i]
             ta = (dtheta[i, 0], dtheta[i, 1], dtheta[i, 2])
             tv = (dvel[i, 0], dvel[i, 1], dvel[i, 2])
-            ca, cv = scale(TWELFTH, ba), scale(TWELFTH, bv)
-            con, scu = cross(ca, ta), add(cross(ca, tv), cross(cv, ta))
+            con, scu = previous_pair(ba, bv, ta, tv)
             ba, bv = ta, tv
         else:
             k = int(s[48])
@@ -266,7 +257,7 @@ def navigate(
             s[48] = 0.0
             span = s[15]
             s[15] = 0.0
-            ta, tv, con, scu = combine(s, n_sub)
+            ta, tv, con, scu = waiting_pair(s, n_sub)
         held = aid[i] if aided else options[6]
         if tracked:
             gather(s, q, 0.5 * span)
@@ -390,11 +381,10 @@ def many(starts, options, dt, dtheta, dvel, errors, rng, ends):
                     v[1] + nv * rng.standard_normal(),
                     v[2] + nv * rng.standard_normal(),
                 )
-            ca, cv = scale(TWELFTH, before_a), scale(TWELFTH, before_v)
+            con, scu = previous_pair(before_a, before_v, a, v)
             q, speed, p, level, pull, _ = advance(
-                s, options, options[6], dt, a, v, cross(ca, a),
-                add(cross(ca, v), cross(cv, a)), 1.0, 1.0, q, speed, p, level, pull,
-            )  # fmt: skip
+                s, options, options[6], dt, a, v, con, scu, 1.0, 1.0, q, speed, p, level, pull
+            )
             before_a, before_v = a, v
         stored(s, q, speed, p, level, pull)
         s[42], s[43], s[44] = before_a

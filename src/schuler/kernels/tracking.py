@@ -9,9 +9,7 @@ functions of time that do not know the latitude,
 so that G(t) = g diag(cosL, cosL, sinL) b(t) is its integral in i0, and one pass serves any
 latitude.
 
-Coning and sculling: one sample with the one before it, or two, three or four samples to an
-update, with the compressed coefficients of Miller (1983), Ignagni (1996) and Savage (1998).
-The velocity's rotation correction is exact for a constant rate, not cut after its first term.
+Coning and sculling as in `schuler.kernels.increments`.
 
 The state begins with cumulative sums (`TrackerSums`); they and the sum of q are a node
 (`TrackerNode`), a snapshot taken every so many updates. When the table of nodes is full every other
@@ -24,9 +22,10 @@ import math
 
 from schuler.constants import EARTH_RATE
 from schuler.kernels._jit import helper, kernel
-from schuler.kernels.quat import qexp, qmul, qrotate, rotation_averages
+from schuler.kernels.increments import coned, normalised, rotated_velocity, waiting_pair
+from schuler.kernels.quat import qexp, qmul, qrotate
 from schuler.kernels.states import NODE_CAPACITY, TrackerNode, TrackerState, TrackerSums
-from schuler.kernels.vec import Vec, add, axpy, cross
+from schuler.kernels.vec import Vec, axpy
 
 PLAIN = TrackerSums.size
 ROW = TrackerNode.size
@@ -34,7 +33,7 @@ STATE_SIZE = TrackerState.size
 
 __all__ = [
     "NODE_CAPACITY", "PLAIN", "ROW", "STATE_SIZE", "TrackerNode", "TrackerState", "attitudes",
-    "combine", "gravity_basis", "track",
+    "gravity_basis", "track",
 ]  # fmt: skip
 
 
@@ -53,43 +52,6 @@ def _snapshot(state, node):
         node[c] = state[c]
     for c in range(4):
         node[PLAIN + c] = state[76 + c]
-
-
-@helper
-def _sample(p, k) -> tuple[Vec, Vec]:
-    i = 49 + 6 * k
-    return (p[i], p[i + 1], p[i + 2]), (p[i + 3], p[i + 4], p[i + 5])
-
-
-@helper
-def combine(state, n_sub: int) -> tuple[Vec, Vec, Vec, Vec]:
-    """Return angle, velocity, coning and sculling of the waiting samples."""
-    last_a, last_v = _sample(state, n_sub - 1)
-    if n_sub == 1:
-        ca = (state[42], state[43], state[44])
-        cv = (state[45], state[46], state[47])
-        k = 1.0 / 12.0
-        ca = (k * ca[0], k * ca[1], k * ca[2])
-        cv = (k * cv[0], k * cv[1], k * cv[2])
-        return last_a, last_v, cross(ca, last_a), add(cross(ca, last_v), cross(cv, last_a))
-    a0, v0 = _sample(state, 0)
-    ta, tv = add(a0, last_a), add(v0, last_v)
-    zero = (0.0, 0.0, 0.0)
-    if n_sub == 2:
-        ca, cv = axpy(2.0 / 3.0, a0, zero), axpy(2.0 / 3.0, v0, zero)
-    else:
-        a1, v1 = _sample(state, 1)
-        ta, tv = add(ta, a1), add(tv, v1)
-        if n_sub == 3:
-            ca = axpy(9.0 / 20.0, a0, axpy(27.0 / 20.0, a1, zero))
-            cv = axpy(9.0 / 20.0, v0, axpy(27.0 / 20.0, v1, zero))
-        else:
-            a2, v2 = _sample(state, 2)
-            ta, tv = add(ta, a2), add(tv, v2)
-            k0, k1, k2 = 54.0 / 105.0, 92.0 / 105.0, 214.0 / 105.0
-            ca = axpy(k0, a0, axpy(k1, a1, axpy(k2, a2, zero)))
-            cv = axpy(k0, v0, axpy(k1, v1, axpy(k2, v2, zero)))
-    return ta, tv, cross(ca, last_a), add(cross(ca, last_v), cross(cv, last_a))
 
 
 @kernel
@@ -142,18 +104,11 @@ def track(state, nodes, n_sub, coning, sculling, time, dt, dtheta, dvel):
         s[48] = 0.0
 
         # The samples of this update: total angle and velocity, coning and sculling parts.
-        ta, tv, con, scu = combine(s, n_sub)
-        u = tv
-        if sculling != 0.0:
-            c1, c2 = rotation_averages(ta[0] * ta[0] + ta[1] * ta[1] + ta[2] * ta[2])
-            x1 = cross(ta, tv)
-            u = add(axpy(c1, x1, axpy(c2, cross(ta, x1), tv)), scu)
+        ta, tv, con, scu = waiting_pair(s, n_sub)
+        u = rotated_velocity(sculling, ta, tv, scu)
         q = (s[2], s[3], s[4], s[5])
         dv = qrotate(q, u)
-        q = qmul(q, qexp(axpy(coning, con, ta)))
-        # One Newton step keeps the length at 1 to rounding.
-        m = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-        s[2], s[3], s[4], s[5] = m * q[0], m * q[1], m * q[2], m * q[3]
+        s[2], s[3], s[4], s[5] = normalised(qmul(q, qexp(axpy(coning, con, ta))))
         v0, v1, v2 = s[6] + dv[0], s[7] + dv[1], s[8] + dv[2]
         s[6], s[7], s[8] = v0, v1, v2
         s[42], s[43], s[44] = gx, gy, gz
@@ -219,8 +174,5 @@ def attitudes(coning, dtheta, out):
         a = (dtheta[i, 0], dtheta[i, 1], dtheta[i, 2])
         half = qmul(q, qexp((0.5 * a[0], 0.5 * a[1], 0.5 * a[2])))
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = half
-        con = cross(before, a)
-        q = qmul(q, qexp(axpy(coning / 12.0, con, a)))
-        m = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-        q = (m * q[0], m * q[1], m * q[2], m * q[3])
+        q = normalised(qmul(q, qexp(coned(coning, before, a))))
         before = a
