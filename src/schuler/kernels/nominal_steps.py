@@ -8,11 +8,10 @@ from __future__ import annotations
 from schuler.kernels import ins_layout as layout
 from schuler.kernels._jit import helper, kernel
 from schuler.kernels.entries import four, put_four, put_three, three
-from schuler.kernels.quat import qexp, qmul, qrotate, quat_to_matrix, rotation_averages
+from schuler.kernels.increments import normalised, previous_pair, rotated_velocity
+from schuler.kernels.quat import qexp, qmul, qrotate, quat_to_matrix
 from schuler.kernels.strapdown import SOMIGLIANA, advance, ellipsoid, spin_axis
 from schuler.kernels.vec import add, axpy, cross, scale
-
-TWELFTH = 1.0 / 12.0
 
 
 @helper
@@ -92,12 +91,12 @@ def take_sample(state, survey, est, at, cfg, options, t, part, a, f, inside):
         interval(state, at, cfg, est, h, a, f, error_a, error_f, inside, q, v)
         return
     ta, tv = axpy(-1.0, error_a, raw_a), axpy(-1.0, error_f, raw_f)
-    before_a = scale(part * TWELFTH, three(state, layout.ANGLE_BEFORE))
-    before_f = scale(part * TWELFTH, three(state, layout.VELOCITY_BEFORE))
     # The whole sample beside the one before, of which a part takes its share.
     whole_a, whole_f = scale(1.0 / part, ta), scale(1.0 / part, tv)
-    con = cross(before_a, whole_a)
-    scu = add(cross(before_a, whole_f), cross(before_f, whole_a))
+    con, scu = previous_pair(
+        three(state, layout.ANGLE_BEFORE), three(state, layout.VELOCITY_BEFORE), whole_a, whole_f
+    )
+    con, scu = scale(part, con), scale(part, scu)
     rows = quat_to_matrix(qmul(q, qexp(scale(0.5, ta))))
     if cfg[layout.FIXED_PLACE] == 0.0:
         q, v, p, height, pull, force = advance(
@@ -130,17 +129,12 @@ def _earth(at, cfg, est):
 @helper
 def _fixed(state, at, cfg, est, h, ta, tv, con, scu, q, v):
     """Return attitude, velocity and the force in n after an update at a fixed place."""
-    u = tv
-    if cfg[layout.SCULLING] != 0.0:
-        c1, c2 = rotation_averages(ta[0] * ta[0] + ta[1] * ta[1] + ta[2] * ta[2])
-        x1 = cross(ta, tv)
-        u = add(axpy(c1, x1, axpy(c2, cross(ta, x1), tv)), scu)
+    u = rotated_velocity(cfg[layout.SCULLING], ta, tv, scu)
     frame = scale(h, _earth(at, cfg, est))
     dv = qrotate(q, u)
     dv = axpy(-0.5, cross(frame, dv), dv)
-    q = qmul(qmul(qexp(scale(-1.0, frame)), q), qexp(axpy(cfg[layout.CONING], con, ta)))
-    m = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    q = (m * q[0], m * q[1], m * q[2], m * q[3])
+    turned = qexp(axpy(cfg[layout.CONING], con, ta))
+    q = normalised(qmul(qmul(qexp(scale(-1.0, frame)), q), turned))
     change = axpy(-2.0, cross(frame, v), dv)
     climb = 0.0 if cfg[layout.VERTICAL] != 0.0 else v[2] + change[2] - h * cfg[layout.GRAVITY]
     w = (v[0] + change[0], v[1] + change[1], climb)
@@ -170,9 +164,8 @@ def interval(state, at, cfg, est, t, a, f, error_a, error_f, inside, q, v):
     dr = axpy(-1.0 / 3.0, cross(frame, dr), dr)
     rows = quat_to_matrix(qmul(q, mean))
     turned = qmul(qexp(scale(-1.0, off_a)), qexp(a))
-    q = qmul(qmul(qexp(scale(-1.0, frame)), q), turned)
-    m = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    put_four(state, layout.QUAT_NB, (m * q[0], m * q[1], m * q[2], m * q[3]))
+    q = normalised(qmul(qmul(qexp(scale(-1.0, frame)), q), turned))
+    put_four(state, layout.QUAT_NB, q)
     coriolis = cross(frame, v)
     free = 0.0 if cfg[layout.VERTICAL] != 0.0 else 1.0
     drop = (0.0, 0.0, t * cfg[layout.GRAVITY])
