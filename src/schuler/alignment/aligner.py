@@ -25,6 +25,7 @@ from schuler.alignment.methods import (
 from schuler.alignment.result import Alignment
 from schuler.alignment.stationary.gyrocompass import compass_alignment
 from schuler.alignment.stationary.kalman import fine_alignment
+from schuler.alignment.stationary.optimal import Linearisation
 from schuler.attitude import nearest_quat
 from schuler.constants import ARCMIN
 from schuler.earth import Site
@@ -235,10 +236,12 @@ class Aligner:
         )  # fmt: skip
         return History.from_state(state.data, nodes)
 
-    def _estimate(self, h: History, spec: ImuSpec | None) -> Estimate:
+    def _estimate(
+        self, h: History, spec: ImuSpec | None, about: Linearisation | None = None
+    ) -> Estimate:
         at_end = self.at == "end"
         if not isinstance(self.method, (Fine, Gyrocompass)):
-            return estimate(h, self.site, self.method, spec, at_end)
+            return estimate(h, self.site, self.method, spec, at_end, about)
         if isinstance(self.method, Gyrocompass):
             if not at_end:
                 raise InputError("a gyrocompass loop gives the attitude at the end: say --at end")
@@ -246,7 +249,7 @@ class Aligner:
             return Estimate(
                 self.method, loop.attitude, loop.budget, None, None, spec, passed=loop.passed
             )
-        fine = fine_alignment(h, self.site, self.method, spec, at_end)
+        fine = fine_alignment(h, self.site, self.method, spec, at_end, about)
         known = spec is not None
         return Estimate(
             self.method, fine.attitude, fine.budget, None, None, spec,

@@ -25,7 +25,7 @@ from schuler.alignment.estimate import Estimate
 from schuler.alignment.history import History
 from schuler.alignment.methods import Analytic
 from schuler.alignment.stationary.analytic import analytic_attitude
-from schuler.alignment.stationary.optimal import joint
+from schuler.alignment.stationary.optimal import Linearisation, joint
 from schuler.attitude import quat_to_matrix
 from schuler.constants import ARCMIN, DEG_PER_HOUR, EARTH_RATE
 from schuler.earth import Site
@@ -36,6 +36,7 @@ from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
 __all__ = ["UNIFORM_SIGMA", "Assessment", "assess", "capped"]
 
 Array = NDArray[np.float64]
+Again = Callable[[History, ImuSpec, Linearisation | None], Estimate]
 
 UNIFORM_SIGMA = np.pi / np.sqrt(3.0)
 """1-sigma of an angle of which nothing is known, rad: 104 deg."""
@@ -64,7 +65,7 @@ class Assessment:
 
 def assess(
     h: History, summary: Summary, site: Site, spec: ImuSpec | None, found: Estimate,
-    again: Callable[[History, ImuSpec], Estimate],
+    again: Again,
 ) -> Assessment:  # fmt: skip
     """Hold an estimate against its record.
 
@@ -77,8 +78,9 @@ def assess(
         The instrument as it was specified.
     found : Estimate
     again : callable
-        Makes the estimate for another history and specification.
+        Makes the estimate for another history and specification, and what it is linear about.
     """
+    whole = h
     if _turns_only_by_gyros(h, summary):
         bias = float(np.linalg.norm(summary.mean_rate))
         contradictions: tuple[Contradiction, ...] = ()
@@ -86,6 +88,10 @@ def assess(
             contradictions = (Contradiction("earth-rate", _bias_text(bias, spec)),)
         return Assessment(_level_only(h, summary, site, spec), contradictions, (_NO_HEADING,))
     try:
+        if spec is not None and found.best is not None:
+            h, found, settled = _relinearised(h, spec, found, again)
+            if not settled and len(found.positions) > 1:
+                return Assessment(_unknown(found), (), (_NOT_SETTLED,))
         best = found.best if found.best is not None else joint(h, site, found.spec)
         result = check(h, best, summary, site, found.spec)
     except np.linalg.LinAlgError:
@@ -103,7 +109,8 @@ def assess(
     elif result.least_bias > 0.0:
         wider = found.spec or ImuSpec(GyroSpec(), AccelerometerSpec(), name="none")
         try:
-            larger = _with_bias(h, with_gyro_bias(wider, result.least_bias), again)
+            wider = with_gyro_bias(wider, result.least_bias)
+            _, larger, _ = _relinearised(whole, wider, again(whole, wider, None), again)
         except (InputError, np.linalg.LinAlgError):
             larger = _level_only(h, summary, site, spec)
         if spec is None:
@@ -124,28 +131,53 @@ def assess(
     return Assessment(found, result.contradictions, tuple(notes))
 
 
-def _with_bias(
-    h: History, spec: ImuSpec, again: Callable[[History, ImuSpec], Estimate]
-) -> Estimate:
-    """Return the estimate with a bias that is too large for one linear step."""
-    first = again(h, spec)
-    if first.best is None:
-        return first
-    bias = first.best.biases[:3]
-    if float(np.linalg.norm(bias)) * h.duration < _SQUARE:
-        return first
-    found = again(without_gyro_bias(h, bias), spec)
-    if found.biases is not None:
-        found = replace(found, biases=found.biases + np.concatenate([bias, np.zeros(3)]))
-    return found
+def _relinearised(
+    h: History, spec: ImuSpec, found: Estimate, again: Again
+) -> tuple[History, Estimate, bool]:
+    """Return a history without the gyro bias that it shows, and the estimate of it.
+
+    The estimate is linear in the attitude and the bias: where these are far from what it is linear
+    about, as with a bias that turns the base far over the record, it is made again about them. The
+    last value says whether it settled at an attitude that the first one could know.
+    """
+    whole = h
+    settled = True
+    for lap in range(_ROUNDS):
+        best = found.best
+        if best is None:
+            break
+        bias = best.biases[:3]
+        turned = float(np.linalg.norm(bias - best.about.gyro_bias)) * h.duration
+        moved = 0.5 * float(np.linalg.norm(best.rotation - best.about.rotation))
+        if turned < _SQUARE and moved < _FAR:
+            break
+        # From so far away there may be other attitudes that fit as well.
+        settled = settled and moved < _FARTHEST and lap < _ROUNDS - 1
+        h = without_gyro_bias(whole, bias)
+        found = again(h, spec, Linearisation(best.rotation, bias))
+    return h, found, settled
 
 
-_SQUARE = 1e-4
-"""Turn (rad) by a bias over the record beyond which its square may count."""
+_ROUNDS = 6
+
+_SQUARE = 0.01
+"""Turn (rad) by an estimated bias over the record beyond which its square may count."""
+
+_FAR = 0.05
+"""Rotation (rad) beyond which what was linear is not."""
+
+_FARTHEST = 0.5
+"""Rotation (rad) from which on steps need not lead to the best attitude."""
 
 _NO_HEADING = (
     "the gyros' bias hides the Earth's rate: the level is that of the accelerometers, and there is "
     "no heading"
+)
+
+
+_NOT_SETTLED = (
+    "the gyros' biases turn the base so far between the positions that several attitudes may fit "
+    "the record: nothing is said of it; take gyros with a smaller bias, or one position"
 )
 
 
@@ -217,6 +249,12 @@ def _without_heading(found: Estimate) -> Estimate:
     """Return an estimate whose heading is unknown, as its axes are."""
     budget = dict(found.budget)
     budget["contradiction"] = np.diag([0.0, 0.0, UNIFORM_SIGMA**2])
+    return replace(found, budget=budget)
+
+
+def _unknown(found: Estimate) -> Estimate:
+    """Return an estimate of which nothing is known, neither the level."""
+    budget = {**found.budget, "not_settled": np.eye(3) * UNIFORM_SIGMA**2}
     return replace(found, budget=budget)
 
 

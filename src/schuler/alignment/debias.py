@@ -34,6 +34,8 @@ def without_gyro_bias(h: History, bias: Array) -> History:
     bias : (3,) float64
         rad/s, body axes.
     """
+    from schuler.kernels.quat import quat_chain_many
+
     nodes, out = h.nodes, TrackerNode(h.rows.copy())
     dt = np.diff(h.t)
     steps = multiply(h.quat[:-1] * _BACK, h.quat[1:])
@@ -41,8 +43,7 @@ def without_gyro_bias(h: History, bias: Array) -> History:
     corrected = rotvec_to_quat(turns)
     quat = np.empty_like(h.quat)
     quat[0] = h.quat[0]
-    for k in range(len(dt)):
-        quat[k + 1] = multiply(quat[k], corrected[k])
+    quat_chain_many(corrected, quat)
     # What the bias had turned the frame by, at the nodes and between them.
     frame = multiply(quat, h.quat * _BACK)
     after = frame[1:] * np.where(np.sum(frame[:-1] * frame[1:], axis=1) < 0, -1.0, 1.0)[:, None]

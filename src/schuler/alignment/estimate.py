@@ -21,7 +21,7 @@ from schuler.alignment.stationary.disturbance import (
 )
 from schuler.alignment.stationary.inertial import MINIMUM_ROWS, solve
 from schuler.alignment.stationary.kalman import FinePass
-from schuler.alignment.stationary.optimal import Joint, joint
+from schuler.alignment.stationary.optimal import Joint, Linearisation, joint
 from schuler.alignment.stationary.uncertainty import (
     analytic_responses,
     inertial_responses,
@@ -95,9 +95,13 @@ class Estimate:
 
 
 def estimate(
-    h: History, site: Site, method: Inertial | Analytic | Auto, spec: ImuSpec | None, at_end: bool
-) -> Estimate:
-    """Return the attitude of a history and its covariance by source."""
+    h: History, site: Site, method: Inertial | Analytic | Auto, spec: ImuSpec | None, at_end: bool,
+    about: Linearisation | None = None,
+) -> Estimate:  # fmt: skip
+    """Return the attitude of a history and its covariance by source.
+
+    `about` is as of `joint`.
+    """
     if len(h) < MINIMUM_ROWS:
         raise InputError(
             f"the span from t = {h.start:.9g} s has only {h.samples} sample(s) "
@@ -116,12 +120,12 @@ def estimate(
             if ratio is not None and ratio < QUIET:
                 spec = spec.with_white_noise(np.sqrt(max(ratio, _QUIETEST)))
     if isinstance(method, Auto):
-        best = joint(h, site, spec)
+        best = joint(h, site, spec, about=about)
         method, why = choose(best, spec, method.subsamples)
     if isinstance(method, Inertial):
         sway = np.zeros((3, 3))
         if method.estimator == "optimal":
-            best = best or joint(h, site, spec)
+            best = best or joint(h, site, spec, about=about)
             answer = best.end if at_end else best.start
             r, sway, levels = best.rotation, answer.sway, best.levels
             if at_end:

@@ -255,3 +255,12 @@ def euler_from_quat_many(q, out):
     for i in range(q.shape[0]):
         e = euler_from_quat(qnormalise((q[i, 0], q[i, 1], q[i, 2], q[i, 3])))
         out[i, 0], out[i, 1], out[i, 2] = e
+
+
+@kernel
+def quat_chain_many(steps, out):
+    """Fill out (n + 1, 4): the first is given, each later one is the one before times its step."""
+    q = (out[0, 0], out[0, 1], out[0, 2], out[0, 3])
+    for i in range(steps.shape[0]):
+        q = qnormalise(qmul(q, (steps[i, 0], steps[i, 1], steps[i, 2], steps[i, 3])))
+        out[i + 1, 0], out[i + 1, 1], out[i + 1, 2], out[i + 1, 3] = q

@@ -12,6 +12,7 @@ from schuler.alignment.stationary.inertial import solve, weights
 from schuler.alignment.stationary.uncertainty import BLOCKS
 from schuler.earth import Site
 from schuler.errors import InputError
+from schuler.kernels.states import TrackerNode
 from schuler.motion import Static
 from schuler.simulation import simulate
 from tests.alignment.conftest import INERTIAL, SITE, WHITE, phi_of
@@ -85,7 +86,7 @@ def test_weights_are_the_derivative_of_the_estimator(still, method):
     n = np.diff(h.updates)[:, None]
     mean = 0.5 * (every[1:] + every[:-1]) @ clean
     rows[1:, 9:12] += np.cumsum(n * mean, axis=0)
-    b = h.block_means(slice(12, 15))
+    b = h.block_means(TrackerNode.sum_gravity)
     rows[1:, 15:24] += np.cumsum(n[:, :, None] * b[:, :, None] * mean[:, None, :], axis=0).reshape(
         -1, 9
     )

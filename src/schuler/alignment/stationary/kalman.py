@@ -25,7 +25,7 @@ from schuler.alignment.history import History, inertial_to_local
 from schuler.alignment.intervals import Intervals
 from schuler.alignment.methods import Fine
 from schuler.alignment.stationary.inertial import MINIMUM_ROWS, solve
-from schuler.alignment.stationary.optimal import Joint, joint
+from schuler.alignment.stationary.optimal import Joint, Linearisation, joint
 from schuler.attitude import (
     multiply,
     nearest_quat,
@@ -118,7 +118,7 @@ class FineResult:
     refused, weighed : int
         Measurements that a robust filter refused or weighed down.
     best : Joint or None
-        The optimal estimate, where it was made on the way.
+        The optimal estimate, where it was made on the way and the result is linear about the same.
     """
 
     attitude: Array
@@ -208,11 +208,25 @@ class _Setting:
             aids.append(ZeroForce(times, 0.0, sigma, **options))
         return aids
 
+    @property
+    def removed(self) -> Array:
+        """Biases that were taken off the history, (6,)."""
+        return np.concatenate([self.known.about.gyro_bias, np.zeros(3)])
+
     def open(
-        self, q: Array, biases: Array, *, backward: bool = False, feedback: bool,
-        smooth: bool = False,
+        self, q: Array, biases: Array, *, first: bool = True, backward: bool = False,
+        feedback: bool, smooth: bool = False,
     ) -> ErrorStateFilter:  # fmt: skip
-        """Return a filter at its start."""
+        """Return a filter after a pass over the intervals.
+
+        Parameters
+        ----------
+        q, biases : (4,), (6,) float64
+            Estimates at the start; biases are those that the history still has.
+        first : bool
+            The prior is still that of the whole bias, of which a part was taken off.
+        backward, feedback, smooth : bool
+        """
         method, site = self.method, self.site
         intervals = self.intervals.reversed() if backward else self.intervals
         aids = self.aids(intervals.record.time)
@@ -230,9 +244,12 @@ class _Setting:
         start: dict[str, Array] = {"accelerometer_bias": biases[3:]}
         if not self.wander:
             start["gyro_bias"] = -biases[:3] if backward else biases[:3]
+        error = np.zeros(layout.size)
+        if first and not self.wander:
+            error[layout["gyro_bias"]] = -self.known.about.gyro_bias
         f = ErrorStateFilter(
             layout, site, q, np.diag(sigma**2), noise, aids, parameters=start, fixed_place=True,
-            earth_rate=earth, feedback=feedback, budget=not smooth, smooth=smooth,
+            earth_rate=earth, error_state=error, feedback=feedback, budget=not smooth, smooth=smooth,
             step=float(np.max(intervals.record.dt)), force_at_rest=True,
             vertical=method.states != 10,
         )  # fmt: skip
@@ -282,8 +299,9 @@ class _Setting:
 
 
 def fine_alignment(
-    h: History, site: Site, method: Fine, spec: ImuSpec | None, at_end: bool
-) -> FineResult:
+    h: History, site: Site, method: Fine, spec: ImuSpec | None, at_end: bool,
+    about: Linearisation | None = None,
+) -> FineResult:  # fmt: skip
     """Return the Kalman alignment of a history.
 
     Parameters
@@ -294,6 +312,9 @@ def fine_alignment(
     spec : ImuSpec or None
         Without one the noise is that of the record, and biases are taken for zero.
     at_end : bool
+    about : Linearisation, optional
+        Where to start, and what was taken off the history, as of `joint`; the centred estimate
+        and no bias when not given.
 
     Raises
     ------
@@ -305,10 +326,11 @@ def fine_alignment(
             f"a fine alignment needs ten steps of {method.step:g} s at least, the record has "
             f"{h.duration:.4g} s: take a longer one or a shorter step"
         )
-    r = solve(h, site.gravity, site.latitude, "centred")
+    about = about or Linearisation(solve(h, site.gravity, site.latitude, "centred"), np.zeros(3))
+    r = about.rotation
     setting = _Setting(
-        joint(h, site, spec), vehicle_motion(h, r, site, method.step), site, method, spec,
-        Intervals.of(h, method.step),
+        joint(h, site, spec, about=about), vehicle_motion(h, r, site, method.step), site, method,
+        spec, Intervals.of(h, method.step),
     )  # fmt: skip
     biases = np.zeros(6)
     if setting.wander:
@@ -317,18 +339,18 @@ def fine_alignment(
     # To and fro: each pass begins where the one before ended, with the prior of the first.
     for lap in range(method.passes - 1):
         backward = lap % 2 == 1
-        f = setting.open(q, biases, backward=backward, feedback=True)
+        f = setting.open(q, biases, first=lap == 0, backward=backward, feedback=True)
         q, biases = f.quat_nb, _biases(f)
         if backward:
             biases[:3] *= -1.0
     if not at_end:
         return _smoothed(setting, q, biases)
-    f = setting.open(q, biases, feedback=method.feedback)
+    f = setting.open(q, biases, first=method.passes == 1, feedback=method.feedback)
     phi = f.layout["phi"]
     budget = {name: part[phi, phi] for name, part in f.budget.items() if part[phi, phi][2, 2] > 0.0}
     own = _bias_states(f)
     return FineResult(
-        quat_to_matrix(f.quat_nb), budget, _biases(f), f.covariance[np.ix_(own, own)],
+        quat_to_matrix(f.quat_nb), budget, _biases(f) + setting.removed, f.covariance[np.ix_(own, own)],
         _passed(f, h), f.refused, f.weighed, setting.known,
     )  # fmt: skip
 
@@ -357,15 +379,16 @@ def _passed(f: ErrorStateFilter, h: History) -> FinePass:
 def _smoothed(setting: _Setting, q: Array, biases: Array) -> FineResult:
     """Return the attitude at the start, by the smoother; twice, as errors are then linear."""
     h = setting.known.history
-    for _ in range(2):
-        f = setting.open(q, biases, feedback=False, smooth=True)
+    for lap in range(2):
+        first = lap == 0 and setting.method.passes == 1
+        f = setting.open(q, biases, first=first, feedback=False, smooth=True)
         done = f.smoothed()
         own = _bias_states(f)
         q, biases = done.quat_nb[0], biases + done.error[0, own]
     p = done.covariance[0]
     phi = f.layout["phi"]
     return FineResult(
-        quat_to_matrix(q), {"all_sources": p[phi, phi]}, biases, p[np.ix_(own, own)],
+        quat_to_matrix(q), {"all_sources": p[phi, phi]}, biases + setting.removed, p[np.ix_(own, own)],
         _passed(f, h), f.refused, f.weighed, setting.known,
     )  # fmt: skip
 

@@ -50,7 +50,7 @@ from schuler.earth import Site
 from schuler.kernels.states import TrackerNode
 from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
 
-__all__ = ["Joint", "joint"]
+__all__ = ["Joint", "Linearisation", "joint"]
 
 Array = NDArray[np.float64]
 
@@ -175,11 +175,29 @@ class Answer:
 
 
 @dataclass(frozen=True, eq=False)
+class Linearisation:
+    """What the optimal estimate is linear about.
+
+    Parameters
+    ----------
+    rotation : (3, 3) float64
+        C_ib0^i0.
+    gyro_bias : (3,) float64
+        What was taken off the history (`without_gyro_bias`), rad/s: the prior is that of the whole
+        bias, and so is what is estimated.
+    """
+
+    rotation: Array
+    gyro_bias: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Joint:
     """The optimal estimate.
 
     Parameters
     ----------
+    about : Linearisation
     rotation : (3, 3) float64
         R = C_ib0^i0.
     biases : (6,) float64
@@ -213,6 +231,7 @@ class Joint:
         The whole problem without priors, for tests of what was taken for granted.
     """
 
+    about: Linearisation
     rotation: Array
     biases: Array
     covariance: Array
@@ -310,7 +329,10 @@ _COLUMNS = 11
 the attitude of each dwell (3)."""
 
 
-def joint(h: History, site: Site, spec: ImuSpec | None, *, free_latitude: bool = False) -> Joint:
+def joint(
+    h: History, site: Site, spec: ImuSpec | None, *, about: Linearisation | None = None,
+    free_latitude: bool = False,
+) -> Joint:  # fmt: skip
     """Return the optimal estimate of a history.
 
     Parameters
@@ -320,6 +342,8 @@ def joint(h: History, site: Site, spec: ImuSpec | None, *, free_latitude: bool =
     spec : ImuSpec or None
         The instrument; without one all noise is read from the record, and biases are taken for
         nothing.
+    about : Linearisation, optional
+        What the estimate is linear about; the centred estimate and no bias when not given.
     free_latitude : bool
         Estimate how far the latitude is off as well.
 
@@ -329,7 +353,8 @@ def joint(h: History, site: Site, spec: ImuSpec | None, *, free_latitude: bool =
         As `schuler.alignment.stationary.inertial.solve`.
     """
     g, lat = site.gravity, site.latitude
-    r = solve(h, g, lat, "centred")
+    about = about or Linearisation(solve(h, g, lat, "centred"), np.zeros(3))
+    r, removed = about.rotation, about.gyro_bias
     fine = h
     h, _ = h.thin(BLOCKS)
     dt, t = np.diff(h.t), 0.5 * (h.t[1:] + h.t[:-1])
@@ -350,9 +375,11 @@ def joint(h: History, site: Site, spec: ImuSpec | None, *, free_latitude: bool =
     series = _series(h, site, spec, levels, local, attitude, turns, dwells)
     series = _with_tests(series, h, site, local, dwells)
     carried = np.einsum("iab,i->ab", attitude, dt)
-    gain_a, gain_v, end_a, end_v, covariance, information, groups = _gains(
+    gain_a, gain_v, end_a, end_v, covariance, by_prior, information, groups = _gains(
         series, spec, carried, local[m // 2], free_latitude
     )
+    # The prior of what is left of the bias is about the negative of what was taken off.
+    shift, end_shift = np.split(by_prior @ -removed, [len(by_prior) - 3])
     latitude = np.zeros(2)
     biases = np.zeros(6)
     # Errors are phi^2, so a second step leaves nothing.
@@ -360,19 +387,22 @@ def joint(h: History, site: Site, spec: ImuSpec | None, *, free_latitude: bool =
         e = np.einsum("iab,ib->ia", local[:, :2], velocity @ r.T - theory)
         turns = _turns(q, r, local, dwells)
         found = np.einsum("iab,ib->a", gain_v, e)
-        found += np.einsum("iab,ib->a", gain_a, turns)
+        found += np.einsum("iab,ib->a", gain_a, turns) + shift
         biases = found[3:9]
         at_end = np.einsum("iab,ib->a", end_v, e) + np.einsum("iab,ib->a", end_a, turns)
+        at_end += end_shift
         if free_latitude:
             latitude = np.array([found[9], np.sqrt(covariance[9, 9])])
         r = np.asarray(quat_to_matrix(rotvec_to_quat(found[:3])) @ r)
     right = np.zeros(len(information))
     for turn, rows_a, move, rows_v, weighted in groups:
         right += weighted @ np.concatenate([turns[rows_a, turn], e[rows_v, move]])
+    right += information[:, NormalEquations.GYRO] @ removed
     start = Answer.from_gains(gain_a[:, :3], gain_v[:, :3], local, series.mean_sway)
     end = Answer.from_gains(end_a, end_v, local, series.mean_sway)
     return Joint(
-        r, biases, covariance[:9, :9], start, end, found[:3] - at_end, levels, h, attitude,
+        about, r, biases + np.concatenate([removed, np.zeros(3)]), covariance[:9, :9], start, end,
+        found[:3] - at_end, levels, h, attitude,
         dwells, _share(series, gain_a, gain_v, local[m // 2, 2]), series.sway_levels,
         dwells == ((0, m),) and len(series.attitude_rows) > 0, latitude,
         float(np.mean(turns[:, :2] ** 2) + 4.0 * np.mean(np.maximum(1.0 - size**2, 0.0))),
@@ -498,13 +528,14 @@ _Group = tuple[int, Rows, int, Rows, Array]
 
 def _gains(
     series: _Series, spec: ImuSpec | None, carried: Array, local: Array, free_latitude: bool
-) -> tuple[Array, Array, Array, Array, Array, Array, list[_Group]]:
+) -> tuple[Array, Array, Array, Array, Array, Array, Array, list[_Group]]:
     """Return what a unit of attitude (m, k, 3) and of velocity (m, k, 2) makes of the unknowns.
 
     Then the same of phi at the end, which the gyros' biases and noise have carried on (best linear
     prediction: what the residuals say of the noise up to the end is part of it); the covariance
-    (k, k) of phi_0 and the biases, and of the latitude where it is free; the information of all
-    unknowns without priors; and the weighted design of each group.
+    (k, k) of phi_0 and the biases, and of the latitude where it is free; how all of these, and phi
+    at the end, answer to the mean (3,) of the gyro biases' prior; the information of all unknowns
+    without priors; and the weighted design of each group.
 
     Parameters
     ----------
@@ -567,5 +598,6 @@ def _gains(
         here, there = np.split(gain, [len(rows_a)])
         gain_a[rows_a, :, turn], end_a[rows_a, :, turn] = np.split(here, [len(pick)], axis=1)
         gain_v[rows_v, :, move], end_v[rows_v, :, move] = np.split(there, [len(pick)], axis=1)
+    by_prior = both[:, 3:6] * prior[3:6]
     covariance = inverse[np.ix_(pick, pick)]
-    return gain_a, gain_v, end_a, end_v, covariance, information, groups
+    return gain_a, gain_v, end_a, end_v, covariance, by_prior, information, groups
