@@ -117,7 +117,9 @@ class Auto:
 
 @dataclass(frozen=True)
 class Fine:
-    """A Kalman filter over the whole record, which is held in memory.
+    """A Kalman filter over intervals of the record; memory is constant for any length.
+
+    A step is no shorter than the distance of instants that are kept, of which there are 4096.
 
     Parameters
     ----------

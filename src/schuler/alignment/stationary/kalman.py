@@ -249,8 +249,8 @@ class _Setting:
             error[layout["gyro_bias"]] = -self.known.about.gyro_bias
         f = ErrorStateFilter(
             layout, site, q, np.diag(sigma**2), noise, aids, parameters=start, fixed_place=True,
-            earth_rate=earth, error_state=error, feedback=feedback, budget=not smooth, smooth=smooth,
-            step=float(np.max(intervals.record.dt)), force_at_rest=True,
+            earth_rate=earth, error_state=error, feedback=feedback, budget=not smooth,
+            smooth=smooth, step=float(np.max(intervals.record.dt)), force_at_rest=True,
             vertical=method.states != 10,
         )  # fmt: skip
         return f.update(intervals.record, intervals.inside)
@@ -350,7 +350,8 @@ def fine_alignment(
     budget = {name: part[phi, phi] for name, part in f.budget.items() if part[phi, phi][2, 2] > 0.0}
     own = _bias_states(f)
     return FineResult(
-        quat_to_matrix(f.quat_nb), budget, _biases(f) + setting.removed, f.covariance[np.ix_(own, own)],
+        quat_to_matrix(f.quat_nb), budget, _biases(f) + setting.removed,
+        f.covariance[np.ix_(own, own)],
         _passed(f, h), f.refused, f.weighed, setting.known,
     )  # fmt: skip
 
@@ -388,7 +389,8 @@ def _smoothed(setting: _Setting, q: Array, biases: Array) -> FineResult:
     p = done.covariance[0]
     phi = f.layout["phi"]
     return FineResult(
-        quat_to_matrix(q), {"all_sources": p[phi, phi]}, biases + setting.removed, p[np.ix_(own, own)],
+        quat_to_matrix(q), {"all_sources": p[phi, phi]}, biases + setting.removed,
+        p[np.ix_(own, own)],
         _passed(f, h), f.refused, f.weighed, setting.known,
     )  # fmt: skip
 
