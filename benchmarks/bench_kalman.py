@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler.alignment import Fine, align
+from schuler.alignment import KalmanAlignment, align
 from schuler.earth import Site
 from schuler.kernels import covariance_steps
 from schuler.kernels.ins_layout import padded
@@ -132,8 +132,8 @@ def run() -> list[dict[str, Any]]:
     rng = np.random.default_rng(2)
     made = simulate(DisturbedVehicle.with_crew(rng, 300.0), Site(40.0), 300.0, 100.0,
                     GRADES["navigation-fog"], rng)  # fmt: skip
-    align(made.record, Site(40.0), Fine(), "navigation-fog")
-    whole = best(lambda: _drop(align(made.record, Site(40.0), Fine(), "navigation-fog")))
+    align(made.record, Site(40.0), KalmanAlignment(), "navigation-fog")
+    whole = best(lambda: _drop(align(made.record, Site(40.0), KalmanAlignment(), "navigation-fog")))
 
     def row(what: str, value: float, unit: str, other: float | None = None) -> dict[str, Any]:
         ratio = None if other is None else other / value

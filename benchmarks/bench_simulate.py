@@ -85,10 +85,10 @@ def run() -> list[dict[str, Any]]:
         peer = None
     else:
         t, truth = made.truth.time, made.truth
-        psi, theta, gamma = np.degrees(quat_to_euler(truth.quaternion)).T
+        psi, theta, gamma = np.degrees(quat_to_euler(truth.quat_nb)).T
         rph = np.column_stack([gamma, theta, -psi])
         lla = truth.position * [180 / np.pi, 180 / np.pi, 1.0]
-        v = truth.velocity[:, [1, 0, 2]] * [1.0, 1.0, -1.0]
+        v = truth.v_n[:, [1, 0, 2]] * [1.0, 1.0, -1.0]
 
         def theirs() -> Any:
             return sim.generate_imu(t, lla, rph, v, "increment")[1]

@@ -186,7 +186,7 @@ def centred() -> Any:
     eps = np.array([0.01, -0.02, 0.03]) * DEG_PER_HOUR
     made = simulate(Static(30.0, 2.0, -3.0), site, 300.0, 20.0, gyro_bias=eps)
     record, truth = made.record, euler_to_quat(made.euler[0])
-    c0 = quat_to_matrix(sc.align(record, site, "centred", at="start").quaternion)
+    c0 = quat_to_matrix(sc.align(record, site, "centred", at="start").quat_nb)
     # At rest the rate is constant, so that the sum of increments is the rotation vector.
     body = quat_to_matrix(rotvec_to_quat(np.cumsum(record.dtheta, axis=0)))
     carried = inertial_to_local(record.time, site.latitude)

@@ -10,8 +10,8 @@ import pytest
 import schuler as sc
 from schuler.alignment import (
     Aligner,
-    Fine,
     Inertial,
+    KalmanAlignment,
     align_windows,
     align_without_latitude,
 )
@@ -41,7 +41,7 @@ RECORD = MADE.record
         (lambda: align_windows(RECORD, SITE, "60s"), "window: expected a number, got str"),
         (lambda: sc.navigate(3.0, Start.from_angles(SITE, 0.0)), "record: expected ImuRecord"),
         (lambda: sc.navigate(RECORD, 3.0), "start: expected Start or Site, got float"),
-        (lambda: evaluate(RECORD, MADE.truth), "path: expected Path, got ImuRecord"),
+        (lambda: evaluate(RECORD, MADE.truth), "path: expected Trajectory, got ImuRecord"),
         (lambda: sc.report(RECORD, "x.html"), "result: expected Alignment, got ImuRecord; a re"),
         (lambda: Emd(threshold=-1), "threshold and siftings must be positive"),
         (lambda: Emd(ends="nowhere"), "ends must be one of"),
@@ -100,8 +100,8 @@ def test_every_result_that_says_so_makes_a_report(tmp_path: Path):
 def test_a_campaign_refuses_options_that_its_rows_cannot_hold():
     scenario = load_scenario(Path(__file__).parents[1] / "examples/scenarios/static_base.toml")
     with pytest.raises(InputError, match="options that a campaign's rows cannot hold"):
-        Campaign(scenario, 2, methods=(Fine(passes=3),))
-    assert Campaign(scenario, 2, methods=(Fine(),)).methods == ("kalman",)
+        Campaign(scenario, 2, methods=(KalmanAlignment(passes=3),))
+    assert Campaign(scenario, 2, methods=(KalmanAlignment(),)).methods == ("kalman",)
 
 
 def test_a_dataset_takes_no_unit_that_it_would_pass_over():

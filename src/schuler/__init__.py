@@ -37,7 +37,7 @@ from schuler._version import __version__
 #: No module or subpackage may have the name of one of these: Python binds it in its place.
 _EXPORTS = {
     "schuler.alignment": (
-        "Aligner", "Alignment", "Analytic", "Auto", "Fine", "Gyrocompass", "Inertial",
+        "Aligner", "Alignment", "Analytic", "Auto", "KalmanAlignment", "Gyrocompass", "Inertial",
         "align", "align_windows", "align_without_latitude", "compare", "limit",
     ),
     "schuler.allan_variance": ("allan", "fit_noise"),
@@ -46,14 +46,16 @@ _EXPORTS = {
     "schuler.config": ("load_scenario",),
     "schuler.earth": ("Site",),
     "schuler.errors": ("InputError", "SchulerError"),
-    "schuler.io": ("Mapping", "open_source", "read", "write"),
-    "schuler.io.reference": ("read_reference",),
+    "schuler.io": (
+        "Mapping", "open_source", "read", "read_trajectory", "write", "write_trajectory",
+    ),
     "schuler.navigation": ("Navigator", "Start", "evaluate", "navigate"),
-    "schuler.prefilter": ("Emd", "Gate", "Hankel", "LowPass", "Wavelet"),
+    "schuler.prefilter": ("Chain", "Emd", "Gate", "Hankel", "LowPass", "Wavelet"),
     "schuler.record": ("ImuRecord",),
     "schuler.reports": ("report",),
     "schuler.sensors": ("ImuSpec", "SensorArray", "load_spec"),
     "schuler.simulation": ("Simulation", "simulate"),
+    "schuler.trajectory": ("Trajectory",),
 }  # fmt: skip
 _MODULE = {name: module for module, names in _EXPORTS.items() for name in names}
 
@@ -64,9 +66,9 @@ if TYPE_CHECKING:
     from schuler.alignment import Alignment as Alignment
     from schuler.alignment import Analytic as Analytic
     from schuler.alignment import Auto as Auto
-    from schuler.alignment import Fine as Fine
     from schuler.alignment import Gyrocompass as Gyrocompass
     from schuler.alignment import Inertial as Inertial
+    from schuler.alignment import KalmanAlignment as KalmanAlignment
     from schuler.alignment import align as align
     from schuler.alignment import align_windows as align_windows
     from schuler.alignment import align_without_latitude as align_without_latitude
@@ -86,12 +88,14 @@ if TYPE_CHECKING:
     from schuler.io import Mapping as Mapping
     from schuler.io import open_source as open_source
     from schuler.io import read as read
+    from schuler.io import read_trajectory as read_trajectory
     from schuler.io import write as write
-    from schuler.io.reference import read_reference as read_reference
+    from schuler.io import write_trajectory as write_trajectory
     from schuler.navigation import Navigator as Navigator
     from schuler.navigation import Start as Start
     from schuler.navigation import evaluate as evaluate
     from schuler.navigation import navigate as navigate
+    from schuler.prefilter import Chain as Chain
     from schuler.prefilter import Emd as Emd
     from schuler.prefilter import Gate as Gate
     from schuler.prefilter import Hankel as Hankel
@@ -104,6 +108,7 @@ if TYPE_CHECKING:
     from schuler.sensors import load_spec as load_spec
     from schuler.simulation import Simulation as Simulation
     from schuler.simulation import simulate as simulate
+    from schuler.trajectory import Trajectory as Trajectory
 
 
 def __getattr__(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""The version, where rooms can read it without the package's face and all that it names."""
+"""The version, where modules can read it without importing the package."""
 
 from __future__ import annotations
 

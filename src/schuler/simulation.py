@@ -22,8 +22,9 @@ from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
 from schuler.sensors.draw import Imperfections, draw
 from schuler.sensors.noise import Instrument, drop_out
+from schuler.trajectory import Trajectory
 
-__all__ = ["Simulation", "Truth", "simulate"]
+__all__ = ["Simulation", "simulate"]
 
 Array = NDArray[np.float64]
 
@@ -35,70 +36,50 @@ _CHUNK = 4096
 
 
 @dataclass(frozen=True, eq=False)
-class Truth:
-    """The true motion of the IMU at the start and at each sample's time.
-
-    Parameters
-    ----------
-    motion : Motion
-    start, step : float
-        Time of the start, and the sampling interval, s.
-    samples : int
-        n.
-    velocity : (n + 1, 3) float64
-        East, north, up, m/s.
-    position : (n + 1, 3) float64
-        Latitude (rad), longitude (rad), height (m).
-    """
-
-    motion: Motion = field(repr=False)
-    start: float
-    step: float
-    samples: int
-    velocity: Array = field(repr=False)
-    position: Array = field(repr=False)
-
-    @cached_property
-    def time(self) -> Array:
-        """Times, s, (n + 1,)."""
-        return self.start + self.step * np.arange(self.samples + 1, dtype=np.float64)
-
-    @cached_property
-    def quaternion(self) -> Array:
-        """q_b^n, (n + 1, 4)."""
-        parts = []
-        for a in range(0, self.samples + 1, _CHUNK):
-            k = np.arange(a, min(a + _CHUNK, self.samples + 1), dtype=np.float64)
-            parts.append(self.motion.track(self.step * k).quaternion)
-        return np.concatenate(parts)
-
-    def euler_at(self, row: int) -> Array:
-        """Return the true (psi, theta, gamma), rad, (3,), at a row (-1 is the end)."""
-        k = row % (self.samples + 1)
-        return quat_to_euler(self.motion.track(np.array([self.step * k])).quaternion[0])
-
-    @property
-    def euler(self) -> Array:
-        """True (psi, theta, gamma), rad, (n + 1, 3)."""
-        return quat_to_euler(self.quaternion)
-
-
-@dataclass(frozen=True, eq=False)
 class Simulation:
     """A simulated record, its truth and the errors that were put in.
 
     Parameters
     ----------
     record : ImuRecord
-    truth : Truth
+    motion : Motion
+    start, step : float
+        Time of the start, and the sampling interval, s.
+    v_n : (n + 1, 3) float64
+        True velocity at the start and at each sample's time: east, north, up, m/s.
+    position : (n + 1, 3) float64
+        True latitude (rad), longitude (rad), height (m).
     gyro, accelerometer : Imperfections
         The constant errors of the instrument.
     """
 
     record: ImuRecord
-    truth: Truth
+    motion: Motion = field(repr=False)
+    start: float
+    step: float
+    v_n: Array = field(repr=False)
+    position: Array = field(repr=False)
     gyro: Imperfections = field(default_factory=Imperfections)
     accelerometer: Imperfections = field(default_factory=Imperfections)
+
+    @cached_property
+    def truth(self) -> Trajectory:
+        """The true motion of the IMU at the start and at each sample's time."""
+        n = len(self.v_n)
+        parts = []
+        for a in range(0, n, _CHUNK):
+            k = np.arange(a, min(a + _CHUNK, n), dtype=np.float64)
+            parts.append(self.motion.track(self.step * k).quat_nb)
+        time = self.start + self.step * np.arange(n, dtype=np.float64)
+        lat, lon, height = self.position.T
+        return Trajectory(
+            time, lat, lon, height, self.v_n, np.concatenate(parts), name="truth"
+        )  # fmt: skip
+
+    def euler_at(self, row: int) -> Array:
+        """Return the true (psi, theta, gamma), rad, (3,), at a row (-1 is the end)."""
+        k = row % len(self.v_n)
+        return quat_to_euler(self.motion.track(np.array([self.step * k])).quat_nb[0])
 
     @property
     def euler(self) -> Array:
@@ -117,7 +98,7 @@ class Simulation:
 
     def heading_deg(self, at: str = "end") -> float:
         """Return the true heading at the start or the end, deg."""
-        psi = self.truth.euler_at(0 if at == "start" else -1)[0]
+        psi = self.euler_at(0 if at == "start" else -1)[0]
         return float(psi_to_heading(psi)) / DEG
 
 
@@ -176,7 +157,7 @@ def simulate(
         raise InputError("a specification needs a random generator: give rng")
     n = round(duration * rate)
     step = 1.0 / rate
-    dtheta, dvel, truth = _truth(motion, site, n, step, start)
+    dtheta, dvel, v_n, position = _true_samples(motion, site, n, step)
     dt = np.full(n, step)
     if spec is not None and rng is not None:
         gyro = gyro or draw(spec.gyro, rng)
@@ -188,16 +169,17 @@ def simulate(
         accelerometer = accelerometer.with_bias(accel_bias)
     instrument = Instrument(spec, gyro, accelerometer, step, rng, temperature_rate)
     instrument.corrupt(dtheta, dvel)
-    record = ImuRecord(truth.time[1:], dt, dtheta, dvel, name=name)
+    time = start + step * np.arange(n + 1, dtype=np.float64)
+    record = ImuRecord(time[1:], dt, dtheta, dvel, name=name)
     if spec is not None and spec.dropout and rng is not None:
         record = drop_out(record, spec.dropout, rng)
-    return Simulation(record, truth, gyro, accelerometer)
+    return Simulation(record, motion, start, step, v_n, position, gyro, accelerometer)
 
 
-def _truth(
-    motion: Motion, site: Site, n: int, step: float, start: float
-) -> tuple[Array, Array, Truth]:
-    """Return the true angle and velocity increments (n, 3) and the truth."""
+def _true_samples(
+    motion: Motion, site: Site, n: int, step: float
+) -> tuple[Array, Array, Array, Array]:
+    """Return the true angle and velocity increments (n, 3), velocity and position (n + 1, 3)."""
     from schuler.kernels.truth import true_increments
 
     state = np.array([site.latitude, site.longitude, site.height, 0.0, 0.0])
@@ -212,4 +194,4 @@ def _truth(
             state, step, np.ascontiguousarray(track.path), angles, track.levers,
             _NODES, _WEIGHTS, dtheta[a:b], dvel[a:b], pose[a : b + 1],
         )  # fmt: skip
-    return dtheta, dvel, Truth(motion, start, step, n, pose[:, :3], pose[:, 3:])
+    return dtheta, dvel, pose[:, :3], pose[:, 3:]

@@ -1,132 +1,139 @@
-"""`Path`: where a navigation went, row by row, with its uncertainty where that was asked for."""
+"""`Trajectory`: where a vehicle was, how fast and how turned, over time.
+
+The truth of a simulation, a reference file, a navigation's result and a master's navigation are all
+this type. `schuler.io.read_trajectory` and `write_trajectory` are its reader and writer.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path as File
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler._files import replacing
 from schuler._notebook import Shown
 from schuler.attitude import heading_sigma, psi_to_heading, quat_to_euler
 from schuler.constants import ARCMIN, DEG
-from schuler.earth import radii
 from schuler.errors import InputError
-from schuler.kernels.states import ErrorStates, LocalRow, PathRow
+from schuler.kernels.states import ErrorStates
 
-__all__ = ["Path"]
+__all__ = ["Trajectory"]
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Path(Shown):
-    """A navigation's result: its start, then one row every so many updates.
+class Trajectory(Shown):
+    """Position over time, and where they are known velocity, attitude and their covariance.
 
     Parameters
     ----------
-    rows : (n, 13) float64
-        `PathRow` by `PathRow`, in the wander frame.
+    time : (n,) float64
+        s, increasing.
+    lat, lon, height : (n,) float64
+        rad, rad in (-pi, pi], m above the ellipsoid.
+    v_n : (n, 3) float64 or None
+        East, north, up, m/s.
+    quat_nb : (n, 4) float64 or None
+        Body to East-North-Up.
     variances : (n, 15) float64 or None
-        `ErrorStates` by `ErrorStates`.
+        Of the error states (`schuler.kernels.states.ErrorStates`) at each row; east and north are
+        those of the frame that was navigated in.
     covariance : (15, 15) float64 or None
-        At the end.
+        Of the error states at the end, in East-North-Up.
     name : str
-        Of the record.
+
+    Raises
+    ------
+    InputError
+        For arrays of other shapes.
     """
 
-    rows: Array = field(repr=False)
+    time: Array = field(repr=False)
+    lat: Array = field(repr=False)
+    lon: Array = field(repr=False)
+    height: Array = field(repr=False)
+    v_n: Array | None = field(default=None, repr=False)
+    quat_nb: Array | None = field(default=None, repr=False)
     variances: Array | None = field(default=None, repr=False)
     covariance: Array | None = field(default=None, repr=False)
-    name: str = "record"
+    name: str = "trajectory"
+
+    def __post_init__(self) -> None:
+        n = len(self.time)
+        for name, shape in (
+            ("time", (n,)), ("lat", (n,)), ("lon", (n,)), ("height", (n,)), ("v_n", (n, 3)),
+            ("quat_nb", (n, 4)), ("variances", (n, ErrorStates.size)),
+            ("covariance", (ErrorStates.size, ErrorStates.size)),
+        ):  # fmt: skip
+            value = getattr(self, name)
+            if value is not None and np.shape(value) != shape:
+                raise InputError(
+                    f"a trajectory of {n} rows needs {name} of shape {shape}, got {np.shape(value)}"
+                )
 
     def __len__(self) -> int:
-        return len(self.rows)
+        return len(self.time)
+
+    def rows(self, which: slice | NDArray[np.int64]) -> Trajectory:
+        """Return some of the rows; the covariance is that of the end, and goes."""
+
+        def cut(value: Array | None) -> Array | None:
+            return None if value is None else value[which]
+
+        return replace(
+            self, time=self.time[which], lat=self.lat[which], lon=self.lon[which],
+            height=self.height[which], v_n=cut(self.v_n), quat_nb=cut(self.quat_nb),
+            variances=cut(self.variances), covariance=None,
+        )  # fmt: skip
 
     @cached_property
-    def _local(self) -> LocalRow:
-        from schuler.kernels.strapdown import local
+    def position(self) -> Array:
+        """Latitude, longitude (rad) and height (m), (n, 3)."""
+        return np.column_stack([self.lat, self.lon, self.height])
 
-        out = LocalRow.zeros(len(self.rows))
-        local(np.ascontiguousarray(self.rows), out.data)
-        return out
+    def known(self, name: str) -> Array:
+        """Return ``"v_n"`` or ``"quat_nb"``, where there must be one.
 
-    @property
-    def time(self) -> Array:
-        """Times, s, (n,)."""
-        return PathRow(self.rows).time
-
-    @property
-    def quaternion(self) -> Array:
-        """q_b^n with n = East-North-Up, (n, 4)."""
-        return self._local.quat_nb
+        Raises
+        ------
+        InputError
+            If the trajectory has none.
+        """
+        value: Array | None = getattr(self, name)
+        if value is None:
+            what = {"v_n": "velocity", "quat_nb": "attitude"}[name]
+            raise InputError(f"the trajectory '{self.name}' has no {what}")
+        return value
 
     @property
     def euler(self) -> Array:
         """(psi, theta, gamma), rad, (n, 3)."""
-        return quat_to_euler(self.quaternion)
-
-    @property
-    def velocity(self) -> Array:
-        """East, north, up, m/s, (n, 3)."""
-        return self._local.v_n
-
-    @property
-    def position(self) -> Array:
-        """Latitude, longitude (rad, in (-pi, pi]) and height (m), (n, 3)."""
-        return np.column_stack([self._local.lat, self._local.lon, self._local.height])
-
-    @property
-    def wander(self) -> Array:
-        """Angle from east to the wander frame's first axis, counter-clockwise, rad, (n,)."""
-        return self._local.wander
-
-    @property
-    def final_covariance(self) -> Array | None:
-        """Covariance of the error states at the end, in East-North-Up, (15, 15)."""
-        if self.covariance is None:
-            return None
-        c, s = np.cos(self.wander[-1]), np.sin(self.wander[-1])
-        turn = np.eye(ErrorStates.size)
-        phi, velocity, position = (
-            f.start for f in (ErrorStates.phi, ErrorStates.velocity, ErrorStates.position)
-        )
-        for k in (phi, velocity, position):
-            turn[k : k + 2, k : k + 2] = [[c, -s], [s, c]]
-        # North turns with the place: an error of position to the east is one of heading.
-        lat, _, height = self.position[-1]
-        slip = np.tan(lat) / (float(radii(lat)[1]) + height)
-        slipped = np.eye(ErrorStates.size)
-        slipped[phi + 2, position] += slip
-        slipped[velocity, position] += slip * self.velocity[-1, 1]
-        slipped[velocity + 1, position] -= slip * self.velocity[-1, 0]
-        turn = slipped @ turn
-        return np.asarray(turn @ self.covariance @ turn.T)
+        return quat_to_euler(self.known("quat_nb"))
 
     @property
     def final(self) -> dict[str, Any]:
-        """The last row in the units that people speak."""
-        psi, theta, gamma = quat_to_euler(self.quaternion[-1])
-        lat, lon, height = self.position[-1]
-        return {
+        """The last row in the units that people speak; None for what is not known."""
+        out: dict[str, Any] = {
             "time_s": float(self.time[-1]),
-            "lat_deg": float(lat / DEG),
-            "lon_deg": float(lon / DEG),
-            "height_m": float(height),
-            "velocity_enu": [float(v) for v in self.velocity[-1]],
-            "heading_deg": float(psi_to_heading(psi) / DEG),
-            "pitch_deg": float(theta / DEG),
-            "roll_deg": float(gamma / DEG),
+            "lat_deg": float(self.lat[-1] / DEG),
+            "lon_deg": float(self.lon[-1] / DEG),
+            "height_m": float(self.height[-1]),
+            "velocity_enu": None if self.v_n is None else [float(v) for v in self.v_n[-1]],
+            **dict.fromkeys(("heading_deg", "pitch_deg", "roll_deg")),
         }
+        if self.quat_nb is not None:
+            psi, theta, gamma = quat_to_euler(self.quat_nb[-1])
+            out["heading_deg"] = float(psi_to_heading(psi) / DEG)
+            out["pitch_deg"], out["roll_deg"] = float(theta / DEG), float(gamma / DEG)
+        return out
 
     @property
     def sigma(self) -> dict[str, Any] | None:
         """1 sigma at the end: position (east, north, up; m), velocity, phi and heading (arcmin)."""
-        p = self.final_covariance
+        p = self.covariance
         if p is None:
             return None
         s = ErrorStates(np.sqrt(np.diag(p)))
@@ -134,57 +141,62 @@ class Path(Shown):
             "position_enu_m": [float(v) for v in s.position],
             "velocity_enu": [float(v) for v in s.velocity],
             "phi_enu_arcmin": [float(v) / ARCMIN for v in s.phi],
-            "heading_arcmin": heading_sigma(self.quaternion[-1], p[:3, :3]) / ARCMIN,
+            "heading_arcmin": heading_sigma(self.known("quat_nb")[-1], p[:3, :3]) / ARCMIN,
         }
 
-    def write(self, path: str | File) -> None:
-        """Save as Parquet, whole or not at all; the columns are those of a simulation's truth.
+    def columns(self) -> dict[str, Array]:
+        """Return the columns of a table, named with their units; angles in deg."""
+        out = {"t [s]": self.time}
+        psi = theta = None
+        if self.quat_nb is not None:
+            psi, theta, gamma = self.euler.T
+            out |= {
+                "heading [deg]": psi_to_heading(psi) / DEG, "pitch [deg]": theta / DEG,
+                "roll [deg]": gamma / DEG,
+                **dict(zip(("qw", "qx", "qy", "qz"), self.quat_nb.T, strict=True)),
+            }  # fmt: skip
+        if self.v_n is not None:
+            names = ("v_east [m/s]", "v_north [m/s]", "v_up [m/s]")
+            out |= dict(zip(names, self.v_n.T, strict=True))
+        out |= {
+            "lat [deg]": self.lat / DEG, "lon [deg]": self.lon / DEG, "height [m]": self.height
+        }  # fmt: skip
+        if self.variances is not None:
+            of = ErrorStates(self.variances)
+            # Horizontal variances swap between the axes as the frame wanders: their sum does not.
+            out["sigma_horizontal [m]"] = np.sqrt(of.position[:, 0] + of.position[:, 1])
+            if theta is not None:
+                tilt = 0.5 * (of.phi[:, 0] + of.phi[:, 1])
+                steep = np.tan(np.clip(theta, -1.5706, 1.5706)) ** 2
+                heading = np.sqrt(of.phi[:, 2] + steep * tilt)
+                out["sigma_heading [arcmin]"] = np.minimum(heading, np.pi / 3**0.5) / ARCMIN
+        return out
+
+    def to_pandas(self) -> Any:
+        """Return a table of `columns` (a pandas DataFrame).
 
         Raises
         ------
         InputError
-            For another suffix, or if the file cannot be written.
+            If pandas is not installed.
         """
-        import pyarrow as pa
+        from schuler.record.views import pandas_module
 
-        from schuler.io.sealed import write_sealed
-
-        path = File(path)
-        if path.suffix.lower() != ".parquet":
-            raise InputError(f"{path}: a path is written as Parquet; name a file in .parquet")
-        psi, theta, gamma = self.euler.T
-        lat, lon, height = self.position.T
-        columns: dict[str, Array] = {
-            "t [s]": self.time, "heading [deg]": psi_to_heading(psi) / DEG,
-            "pitch [deg]": theta / DEG, "roll [deg]": gamma / DEG,
-            **dict(zip(("qw", "qx", "qy", "qz"), self.quaternion.T, strict=True)),
-            **dict(zip(
-                ("v_east [m/s]", "v_north [m/s]", "v_up [m/s]"), self.velocity.T, strict=True
-            )),
-            "lat [deg]": lat / DEG, "lon [deg]": lon / DEG, "height [m]": height,
-        }  # fmt: skip
-        if self.variances is not None:
-            # Level variances swap between the axes as the frame wanders: their sum does not.
-            of = ErrorStates(self.variances)
-            level = of.position[:, 0] + of.position[:, 1]
-            columns["sigma_horizontal [m]"] = np.sqrt(level)
-            tilt = 0.5 * (of.phi[:, 0] + of.phi[:, 1])
-            steep = np.tan(np.clip(theta, -1.5706, 1.5706)) ** 2
-            heading = np.sqrt(of.phi[:, 2] + steep * tilt)
-            columns["sigma_heading [arcmin]"] = np.minimum(heading, np.pi / 3**0.5) / ARCMIN
-        table = pa.table({k: pa.array(np.ascontiguousarray(v)) for k, v in columns.items()})
-        with replacing(path) as part:
-            write_sealed(table, part, {}, compression="zstd", use_dictionary=False)
+        return pandas_module().DataFrame(self.columns())
 
     def __str__(self) -> str:
         f = self.final
-        e, n, u = f["velocity_enu"]
         lines = [
-            f"position  {f['lat_deg']:.8f} deg N, {f['lon_deg']:.8f} deg E, {f['height_m']:.3f} m",
-            f"velocity  {e:.4f} m/s east, {n:.4f} north, {u:.4f} up",
-            f"attitude  heading {f['heading_deg']:.5f} deg, pitch {f['pitch_deg']:.5f} deg, "
-            f"roll {f['roll_deg']:.5f} deg",
+            f"position  {f['lat_deg']:.8f} deg N, {f['lon_deg']:.8f} deg E, {f['height_m']:.3f} m"
         ]
+        if f["velocity_enu"] is not None:
+            e, n, u = f["velocity_enu"]
+            lines.append(f"velocity  {e:.4f} m/s east, {n:.4f} north, {u:.4f} up")
+        if f["heading_deg"] is not None:
+            lines.append(
+                f"attitude  heading {f['heading_deg']:.5f} deg, pitch {f['pitch_deg']:.5f} deg, "
+                f"roll {f['roll_deg']:.5f} deg"
+            )
         s = self.sigma
         if s is not None:
             (pe, pn, pu), (ve, vn, vu) = s["position_enu_m"], s["velocity_enu"]

@@ -24,7 +24,7 @@ WHITE = ImuSpec.from_dict(
 
 def phi_of(fix, euler):
     """Return phi (rad) of a result against true Euler angles: C_est = (I - [phi x]) C_true."""
-    error = quat_to_matrix(fix.quaternion) @ quat_to_matrix(euler_to_quat(euler)).T
+    error = quat_to_matrix(fix.quat_nb) @ quat_to_matrix(euler_to_quat(euler)).T
     return -0.5 * np.array(
         [error[2, 1] - error[1, 2], error[0, 2] - error[2, 0], error[1, 0] - error[0, 1]]
     )

@@ -129,7 +129,7 @@ def test_a_bias_far_above_the_earth_rate_leaves_the_level(spec):
     sim, site, _ = made(4, "rest", "navigation-fog", length=300.0)
     bias = np.array([500.0, -300.0, 200.0]) * DEG_PER_HOUR
     fix = align(changed(sim.record, bias=bias), site, spec=spec)
-    _, theta, gamma = np.rad2deg(quat_to_euler(sim.truth.quaternion[-1]))
+    _, theta, gamma = np.rad2deg(quat_to_euler(sim.truth.quat_nb[-1]))
     assert fix.pitch_deg == pytest.approx(theta, abs=0.01)
     assert fix.roll_deg == pytest.approx(gamma, abs=0.01)
     assert "no heading (sigma 104 deg)" in fix.headline()
@@ -173,9 +173,9 @@ def test_sigma_of_the_printed_heading(pitch):
     rng = np.random.default_rng(6)
     # C_est = (I - [phi x]) C_true
     phi = rng.multivariate_normal(np.zeros(3), fix.covariance, 4000)
-    drawn = multiply(rotvec_to_quat(-phi), np.broadcast_to(fix.quaternion, (4000, 4)))
+    drawn = multiply(rotvec_to_quat(-phi), np.broadcast_to(fix.quat_nb, (4000, 4)))
     psi = quat_to_euler(drawn)[:, 0]
-    spread = np.std(np.angle(np.exp(1j * (psi - quat_to_euler(fix.quaternion)[0])))) / ARCMIN
+    spread = np.std(np.angle(np.exp(1j * (psi - quat_to_euler(fix.quat_nb)[0])))) / ARCMIN
     # Of 4000 draws the standard deviation is known to 1.1 %; tan(88 deg) bends the rest.
     assert fix.heading_sigma_arcmin == pytest.approx(spread, rel=0.06)
 

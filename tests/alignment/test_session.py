@@ -67,7 +67,7 @@ def test_a_filter_runs_live_and_resumes_from_a_checkpoint(items, tmp_path, metho
     second.finish()
     assert second.samples == len(items)
     fix = second.solution()
-    np.testing.assert_array_equal(fix.quaternion, whole.solution().quaternion)
+    np.testing.assert_array_equal(fix.quat_nb, whole.solution().quat_nb)
     np.testing.assert_array_equal(fix.covariance, whole.solution().covariance)
     assert right(fix)
 

@@ -20,9 +20,9 @@ def test_each_window_is_the_record_between(truck):
     ]
     for k, x in enumerate(w.each):
         alone = align(truck.record.between(30.0 * k, 30.0 * (k + 1)), SITE)
-        assert np.array_equal(x.quaternion, alone.quaternion)
+        assert np.array_equal(x.quat_nb, alone.quat_nb)
         assert np.array_equal(x.covariance, alone.covariance)
-    assert np.array_equal(w.whole.quaternion, align(truck.record, SITE).quaternion)
+    assert np.array_equal(w.whole.quat_nb, align(truck.record, SITE).quat_nb)
 
 
 @settings(max_examples=15)
@@ -42,7 +42,7 @@ def test_statistics_wrap_around_north(truck):
 
     fix = align(truck.record, SITE)
     each = tuple(
-        replace(fix, quaternion=euler_to_quat([-np.deg2rad(h), 0.0, 0.0]))
+        replace(fix, quat_nb=euler_to_quat([-np.deg2rad(h), 0.0, 0.0]))
         for h in (359.9, 0.1, 359.95, 0.05)
     )
     w = Windows(fix, 20.0, each)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from schuler.calibration import calibrate_poses, find_dwells
+from schuler.calibration import calibrate_poses, find_rests
 from schuler.errors import InputError
 from tests.conftest import chi_square_band
 
@@ -129,7 +129,7 @@ def test_the_real_record_of_38_poses(data_dir):
 
 def test_dwells_do_not_depend_on_the_unit(rng):
     t, f, _ = by_hand(rng)
-    np.testing.assert_array_equal(find_dwells(t, f), find_dwells(t, 1000.0 * f + 3e4))
+    np.testing.assert_array_equal(find_rests(t, f), find_rests(t, 1000.0 * f + 3e4))
 
 
 def test_a_steady_turn_about_the_vertical_is_no_pose(rng):
@@ -138,8 +138,8 @@ def test_a_steady_turn_about_the_vertical_is_no_pose(rng):
     f = np.tile([0.0, 0.0, G], (n, 1)) + 0.02 * rng.normal(size=(n, 3))
     w = 1e-3 * rng.normal(size=(n, 3))
     w[2000:4000, 2] += 0.3
-    assert len(find_dwells(t, f)) == 1
-    found = find_dwells(t, f, w)
+    assert len(find_rests(t, f)) == 1
+    found = find_rests(t, f, w)
     assert len(found) == 2
     assert found[0, 1] <= 2000
     assert found[1, 0] >= 4000
@@ -220,7 +220,7 @@ def test_exchanged_and_reversed_gyros_are_named(change, words, rng):
 def test_what_is_no_error_of_an_instrument_is_refused(rng):
     t, f, w = by_hand(rng)
     with pytest.raises(InputError, match=r"the gyros miss gravity by .* deg a turn after"):
-        calibrate_poses(t, f, w[::-1], gravity=G, dwells=find_dwells(t, f))
+        calibrate_poses(t, f, w[::-1], gravity=G, dwells=find_rests(t, f))
     noisy = f + 2.0 * np.repeat(rng.normal(size=(len(f) // 100 + 1, 3)), 100, axis=0)[: len(f)]
     with pytest.raises(InputError, match="the poses miss gravity by"):
-        calibrate_poses(t, noisy, gravity=G, dwells=find_dwells(t, f))
+        calibrate_poses(t, noisy, gravity=G, dwells=find_rests(t, f))

@@ -82,7 +82,7 @@ def test_systematic_calibration_finds_all_terms_from_velocity_alone():
     )  # fmt: skip
     made = simulate(turntable, site, np.floor(turntable.period), 50.0, spec,
                     np.random.default_rng(4))  # fmt: skip
-    r, start = made.record, made.truth.quaternion[0]
+    r, start = made.record, made.truth.quat_nb[0]
     free = [k for k in range(24) if NAMES[k] not in
             ("accelerometer yx", "accelerometer zx", "accelerometer zy")]  # fmt: skip
     for seed in range(3):

@@ -217,7 +217,7 @@ def test_the_manifest_says_what_was_done(whole):
 
 
 def test_errors_of_a_base_at_rest_scatter_as_sigma_says(scene, tmp_path):
-    """Seeded; an honest covariance fails it in one case of a hundred seeds, and this seed passes.
+    """Seeded; a consistent covariance fails it for one seed in a hundred, and this seed passes.
 
     The bias dominates and is Gaussian, so that the sum of NEES is chi-square.
     """
@@ -231,7 +231,7 @@ def test_errors_of_a_base_at_rest_scatter_as_sigma_says(scene, tmp_path):
     low, high = chi_square_band(3 * s.runs, FALSE_ALARM)
     assert low < s.nees.sum() < high
     assert s.nees_band == pytest.approx((low / 360, high / 360))
-    assert s.honest
+    assert s.consistent
     assert s.rms == pytest.approx(np.sqrt(np.mean((s.heading_error / ARCMIN) ** 2)))
     # Five sigma of chance: rms of 120 is known to 1/sqrt(240).
     assert s.rms / s.predicted == pytest.approx(1.0, abs=5 / np.sqrt(240))

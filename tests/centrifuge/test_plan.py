@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from schuler.centrifuge import (
-    Limits,
+    AngleLimits,
     Objective,
     Plant,
     Problem,
     direct_information,
-    evaluate,
+    evaluate_positions,
     explore,
     plan,
 )
@@ -20,7 +20,7 @@ from schuler.errors import InputError
 from schuler.kernels.centrifuge import invert_information
 from schuler.kernels.scheme import exchange
 
-SMALL = Problem(limits=Limits(alpha=(0, 120), gamma=(0, 120)))
+SMALL = Problem(limits=AngleLimits(alpha=(0, 120), gamma=(0, 120)))
 
 
 def test_the_inverse_is_numpy_s(rng):
@@ -99,11 +99,11 @@ def test_the_other_searches_do_better_than_print(method):
     value, positions, spent = run_round(Problem(method=method), 0, 1)
     assert value < 60.0
     assert spent > 1000
-    assert evaluate(Problem(), positions[None])[0] == pytest.approx(value)
+    assert evaluate_positions(Problem(), positions[None])[0] == pytest.approx(value)
 
 
 def test_limits_hold_and_more_positions_are_explored(rng):
-    limits = Limits(alpha=(10, 90), beta=(-20, 20), gamma=(0, 60))
+    limits = AngleLimits(alpha=(10, 90), beta=(-20, 20), gamma=(0, 60))
     found = explore(
         Problem(limits=limits, objective=Objective("d")), range(5, 7), total=48.0, rounds=1
     )
@@ -113,7 +113,7 @@ def test_limits_hold_and_more_positions_are_explored(rng):
         assert (p.positions >= low).all()
         assert (p.positions <= high).all()
         anywhere = rng.uniform(low, high, (50, len(p.positions), 3))
-        assert p.objective < evaluate(p.problem, anywhere).min()
+        assert p.objective < evaluate_positions(p.problem, anywhere).min()
     assert found[1].objective < found[0].objective
 
 
@@ -130,11 +130,11 @@ def test_time_is_planned_in_turns_of_the_arm():
         (lambda: Problem(method="luck"), "unknown method"),
         (lambda: Problem(dwell=3.0), "whole number of turns"),
         (lambda: Problem(Plant(d_oo=True)), "several levels"),
-        (lambda: Limits(alpha=(10, 0)), "low <= high"),
-        (lambda: Limits(beta=(0, 90)), "within -80 and 80"),
+        (lambda: AngleLimits(alpha=(10, 0)), "low <= high"),
+        (lambda: AngleLimits(beta=(0, 90)), "within -80 and 80"),
         (lambda: plan(time_limit=0.0), "positive time limit"),
         (lambda: plan(Problem(positions=1), rounds=1), "allow more positions"),
-        (lambda: plan(Problem(limits=Limits((5, 5), (0, 0), (5, 5))), rounds=1),
+        (lambda: plan(Problem(limits=AngleLimits((5, 5), (0, 0), (5, 5))), rounds=1),
          "allow more positions"),
     ],
 )  # fmt: skip

@@ -83,7 +83,7 @@ def test_json_is_pure_and_complete(run: Run, csv: Path) -> None:
     ran = run("align", csv, *PLACE, "--spec", "navigation-fog", "--json", "-")
     data = json.loads(ran.out)
     assert ran.err == ASSUMED
-    assert data["schema"] == "schuler.alignment/2"
+    assert data["schema"] == "schuler.alignment/3"
     sigma = data["sigma_arcmin"]["up"]
     # Six sigma: one false alarm in 5e8 seeds.
     assert abs(off_arcmin(data["heading_deg"])) < 6 * sigma
@@ -133,7 +133,7 @@ def test_a_failure_keeps_the_old_result(run: Run, csv: Path, tmp_path: Path) -> 
 def test_through_click_s_own_runner(csv: Path) -> None:
     ran = CliRunner().invoke(cli, ["align", str(csv), *PLACE, "--json", "-"])
     assert ran.exit_code == 0
-    assert json.loads(ran.stdout)["schema"] == "schuler.alignment/2"
+    assert json.loads(ran.stdout)["schema"] == "schuler.alignment/3"
     assert ran.stderr.startswith(f"{ASSUMED}warning: no instrument specification")
 
 
@@ -143,13 +143,13 @@ def test_through_click_s_own_runner(csv: Path) -> None:
 @pytest.mark.parametrize("method", METHODS)
 def test_methods(run: Run, csv: Path, method: str) -> None:
     data = result(run, csv, *PLACE, "--method", method, "--spec", "navigation-fog")
-    assert data["method"] == ("optimal" if method == "auto" else method)
+    assert data["method"]["name"] == ("optimal" if method == "auto" else method)
     sigma: dict[str, float] = data["sigma_arcmin"]  # type: ignore[assignment]
     assert abs(off_arcmin(float(data["heading_deg"]))) < 6 * sigma["up"]  # type: ignore[arg-type]
 
 
 def test_method_in_capitals(run: Run, csv: Path) -> None:
-    assert result(run, csv, *PLACE, "--method", "Wahba")["method"] == "wahba"
+    assert result(run, csv, *PLACE, "--method", "Wahba")["method"]["name"] == "wahba"
 
 
 def test_a_specification_file(run: Run, csv: Path, tmp_path: Path) -> None:
@@ -352,7 +352,7 @@ def schuler(*arguments: object, **options: object) -> subprocess.CompletedProces
 def test_process(csv: Path, tmp_path: Path) -> None:
     done = schuler("align", csv, *PLACE, "--json", "-")
     assert done.returncode == 0
-    assert json.loads(done.stdout)["schema"] == "schuler.alignment/2"
+    assert json.loads(done.stdout)["schema"] == "schuler.alignment/3"
     assert done.stderr.count("\n") == 2
     done = schuler("align", tmp_path / "no.csv", *PLACE)
     assert (done.returncode, done.stdout) == (2, "")

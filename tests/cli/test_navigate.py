@@ -12,8 +12,7 @@ import pytest
 
 import schuler as sc
 from schuler.earth import Site
-from schuler.io.reference import read_reference
-from schuler.io.truth import write_truth
+from schuler.io.trajectory import read_trajectory, write_trajectory
 from schuler.motion import Manoeuvre, Route, Static
 from schuler.sensors import named_array
 from schuler.simulation import simulate
@@ -41,7 +40,7 @@ def drive(tmp_path_factory):
         Site(40.0, 116.0, 50.0), 60.0,
     )  # fmt: skip
     sc.write(made.record, folder / "drive.parquet")
-    write_truth(made.truth, folder / "drive.truth.parquet")
+    write_trajectory(made.truth, folder / "drive.truth.parquet")
     return folder
 
 
@@ -81,7 +80,7 @@ def test_a_drive_with_everything(run, drive, tmp_path):
     assert "sigma_horizontal [m]" in table.column_names
     assert "Against the reference" in page.read_text(encoding="utf-8")
     # A path is a reference in its turn.
-    assert len(read_reference(out)) == 6001
+    assert len(read_trajectory(out)) == 6001
 
 
 def test_align_first_then_navigate(run, tmp_path):
@@ -164,7 +163,7 @@ def test_reference_between_rows_is_interpolated(drive, tmp_path):
 
     record = sc.read(drive / "drive.parquet")
     start = Start.from_angles(Site(40.0, 116.0, 50.0), 20.0)
-    e = evaluate(navigate(record, start, every=25), read_reference(drive / "drive.truth.parquet"))
+    e = evaluate(navigate(record, start, every=25), read_trajectory(drive / "drive.truth.parquet"))
     assert len(e.time) == 6001
     assert np.abs(e.position).max() < 5e-3
 

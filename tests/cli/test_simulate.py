@@ -45,7 +45,7 @@ def test_record_and_truth_are_written(run, scene, tmp_path):
     truth = parquet.read_table(tmp_path / "truck.truth.parquet")
     assert len(truth) == 501
     assert np.array_equal(truth["t [s]"].to_numpy(), made.truth.time)
-    assert np.array_equal(truth["qw"].to_numpy(), made.truth.quaternion[:, 0])
+    assert np.array_equal(truth["qw"].to_numpy(), made.truth.quat_nb[:, 0])
     assert truth["heading [deg]"].to_numpy()[-1] == pytest.approx(made.heading_deg(), abs=1e-12)
     assert truth["lat [deg]"].to_numpy() == pytest.approx(40.0, abs=1e-6)
     about = json.loads(truth.schema.metadata[b"schuler"])

@@ -1,4 +1,4 @@
-"""Attitude from vectors: exact fits, three solvers of Wahba's problem, honest covariances."""
+"""Attitude from vectors: exact fits, three solvers of Wahba's problem, consistent covariances."""
 
 from __future__ import annotations
 

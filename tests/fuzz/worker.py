@@ -49,10 +49,10 @@ def read_record(path: str, options: dict[str, Any]) -> str:
 
 
 def read_reference(path: str, options: dict[str, Any]) -> str:
-    from schuler.io.reference import read_reference as read
+    from schuler.io.trajectory import read_reference as read
 
     found = read(path)
-    return digest(found.time, found.position, found.velocity, found.quaternion)
+    return digest(found.time, found.position, found.v_n, found.quat_nb)
 
 
 def read_store(path: str, options: dict[str, Any]) -> str:

@@ -87,14 +87,14 @@ def fixes(made, rng, every=25, sigma=(1.0, 0.05), first=13):
     ])  # fmt: skip
     return (
         Position(t.time[k], place, sigma[0]),
-        Velocity(t.time[k], t.velocity[k] + sigma[1] * rng.normal(size=(len(k), 3)), sigma[1]),
+        Velocity(t.time[k], t.v_n[k] + sigma[1] * rng.normal(size=(len(k), 3)), sigma[1]),
     )
 
 
 def made_filter(made, aids, rng=None, **options):
     """Return a filter, its start off by its own covariance where there is a generator."""
     layout = Layout(FIFTEEN)
-    q, v = made.truth.quaternion[0], made.truth.velocity[0]
+    q, v = made.truth.quat_nb[0], made.truth.v_n[0]
     site = SITE
     x = np.zeros(15)
     if rng is not None:
@@ -115,10 +115,10 @@ def error_of(f, made, biases):
 
     t = made.truth
     lat, lon, h = t.position[-1]
-    true = nominal(t.quaternion[-1], t.velocity[-1], Site(lat / DEG, lon / DEG, h))
+    true = nominal(t.quat_nb[-1], t.v_n[-1], Site(lat / DEG, lon / DEG, h))
     return np.concatenate([
-        -quat_to_rotvec(multiply(f.quat_nb, t.quaternion[-1] * CONJUGATE)),
-        f.v_n - t.velocity[-1], moved(true, f._state),
+        -quat_to_rotvec(multiply(f.quat_nb, t.quat_nb[-1] * CONJUGATE)),
+        f.v_n - t.v_n[-1], moved(true, f._state),
         biases[:3] - f.parameter("gyro_bias"), biases[3:] - f.parameter("accelerometer_bias"),
     ])  # fmt: skip
 
@@ -139,7 +139,7 @@ def small_system(feedback, steps=8):
     times = np.arange(1.0, steps + 0.5)
     aids = [ZeroVelocity(times, z[0], 0.01), ZeroDisplacement(times, z[1], (0.01, 0.02, 0.0))]
     f = ErrorStateFilter(
-        layout, SITE, made.truth.quaternion[0], np.diag(sigma**2), noise, aids, fixed_place=True,
+        layout, SITE, made.truth.quat_nb[0], np.diag(sigma**2), noise, aids, fixed_place=True,
         feedback=feedback, smooth=True, budget=True, step=10.0,
     )  # fmt: skip
     f.update(record)
@@ -319,11 +319,11 @@ def test_the_smoother_is_consistent_and_better_in_the_middle(drive):
         f = made_filter(drive, aids, rng, smooth=True).update(record)
         done, h = f.smoothed(), f.history()
         k = int(np.searchsorted(h.time, 30.0 - 1e-9))
-        true = round(30.0 / drive.truth.step)
+        true = round(30.0 / 0.02)
         e = np.r_[
             -quat_to_rotvec(multiply(done.quat_nb[k + 1],
-                                     drive.truth.quaternion[true] * CONJUGATE)),
-            done.v_n[k + 1] - drive.truth.velocity[true],
+                                     drive.truth.quat_nb[true] * CONJUGATE)),
+            done.v_n[k + 1] - drive.truth.v_n[true],
         ]  # fmt: skip
         total += e @ np.linalg.solve(done.covariance[k + 1][:6, :6], e)
         better.append(done.sigma("velocity")[k + 1] / h.sigma("velocity")[k])
@@ -440,7 +440,7 @@ def test_a_user_s_own_measurement_is_like_any_other(drive):
     )
     t = drive.truth
     k = np.arange(10, len(t.time), 50)
-    speed = Speed(t.time[k], np.hypot(*t.velocity[k, :2].T))
+    speed = Speed(t.time[k], np.hypot(*t.v_n[k, :2].T))
     f = made_filter(drive, [fixes(drive, np.random.default_rng(2))[0], speed])
     for a, b in pairwise([0, 500, 510, 511, 3000]):
         f.update(piece(record, a, b))

@@ -1,5 +1,5 @@
-"""What every format must do, on one standing vehicle: be known by its content, be read whole or in
-pieces with the same bits, and give `schuler info` and `schuler align` the same answer."""
+"""What every format must do, on one stationary vehicle: be known by its content, be read whole or
+in pieces with the same bits, and give `schuler info` and `schuler align` the same answer."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from schuler.errors import shown
 from schuler.io.dialect import NUMBER
 from schuler.io.expansion import expansion
 from schuler.io.limits import LEAST, available_memory, check_size
-from schuler.io.reference import read_reference
+from schuler.io.trajectory import read_trajectory
 from schuler.record import ImuRecord
 from tests.io.conftest import HEADER, Array, make_rows, make_text, same
 from tests.io.makers import ulog_file, ulog_message, vehicle_imu, write_bag
@@ -473,7 +473,7 @@ def test_a_pipe_cannot_be_followed_by_name(
 
 def test_a_reference_comes_through_a_pipe(pipe: Callable[[bytes, str], Path]) -> None:
     text = b"t,lat,lon,height\n0,1,2,3\n1,1,2,3\n"
-    assert len(read_reference(pipe(text, "ref.csv"))) == 2
+    assert len(read_trajectory(pipe(text, "ref.csv"))) == 2
 
 
 def test_sockets_devices_and_folders_are_refused(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ def flight():
         Route([Manoeuvre(2, turn=1.0, climb=2.0)], heading=70.0, speed=250.0), site, STEP, RATE
     )
     t = made.truth
-    return made.record, Start(site, t.quaternion[0], t.velocity[0]).state().data
+    return made.record, Start(site, t.quat_nb[0], t.v_n[0]).state().data
 
 
 def options(vertical):

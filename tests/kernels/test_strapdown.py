@@ -35,13 +35,13 @@ def flown(made, n_sub=1, cuts=()):
     """Return rows of time, quaternion, velocity and position from error-free increments."""
     truth, r = made.truth, made.record
     lat, lon, height = truth.position[0]
-    start = Start(Site(np.rad2deg(lat), np.rad2deg(lon), height), truth.quaternion[0],
-                  truth.velocity[0])  # fmt: skip
+    start = Start(Site(np.rad2deg(lat), np.rad2deg(lon), height), truth.quat_nb[0],
+                  truth.v_n[0])  # fmt: skip
     navigator = Navigator(start, subsamples=n_sub)
     for s in pieces(len(r), cuts):
         navigator.update(ImuRecord(r.time[s], r.dt[s], r.dtheta[s], r.dvel[s]))
     p = navigator.path()
-    return np.column_stack([p.time, p.quaternion, p.velocity, p.position])[1:]
+    return np.column_stack([p.time, p.quat_nb, p.v_n, p.position])[1:]
 
 
 def errors(made, n_sub=1):
@@ -49,10 +49,10 @@ def errors(made, n_sub=1):
     rows = flown(made, n_sub)
     k = np.round((rows[:, 0] - made.record.start) * made.record.rate).astype(int)
     truth = made.truth
-    turn = multiply(truth.quaternion[k], rows[:, 1:5] * [1.0, -1.0, -1.0, -1.0])
+    turn = multiply(truth.quat_nb[k], rows[:, 1:5] * [1.0, -1.0, -1.0, -1.0])
     angle = 2.0 * np.linalg.norm(turn[:, 1:], axis=1)
     metres = np.abs(rows[-1, 8:] - truth.position[-1]) * [6.37e6, 4.9e6, 1.0]
-    return angle.max(), np.abs(rows[:, 5:8] - truth.velocity[k]).max(), metres.max()
+    return angle.max(), np.abs(rows[:, 5:8] - truth.v_n[k]).max(), metres.max()
 
 
 def rng(seed=2):
@@ -134,7 +134,7 @@ def test_pure_coning_shows_the_algorithm_s_error_and_no_more(n_sub):
     made = simulate(cone, SITE, duration, rate)
     rows = flown(made, n_sub)
     k = np.round(rows[:, 0] * rate).astype(int)
-    turn = 2 * multiply(rows[:, 1:5], made.truth.quaternion[k] * [1.0, -1.0, -1.0, -1.0])
+    turn = 2 * multiply(rows[:, 1:5], made.truth.quat_nb[k] * [1.0, -1.0, -1.0, -1.0])
     slope = np.polyfit(rows[:, 0], turn[:, 3], 1)[0]
     amplitude = np.deg2rad(a)
     found = abs(slope) / (0.5 * amplitude**2 * w)

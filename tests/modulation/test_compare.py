@@ -10,7 +10,6 @@ import pytest
 from schuler.constants import DEG, DEG_PER_HOUR, EARTH_RATE
 from schuler.earth import Site, radii
 from schuler.errors import InputError
-from schuler.io.reference import Reference
 from schuler.modulation import (
     RotationCase,
     TriadErrors,
@@ -18,7 +17,7 @@ from schuler.modulation import (
     end_errors,
     error_series,
     optimise_scheme,
-    residual,
+    scheme_residual,
     strapdown_end,
     turned,
 )
@@ -120,9 +119,9 @@ def day():
     made = simulate(
         Static(), site, 86400.0, 5.0, gyro_bias=np.array([0.01 * DEG_PER_HOUR, 0.0, 0.0])
     )
-    p = Navigator(Start(site, made.truth.quaternion[0]), vertical="off", every=300)
+    p = Navigator(Start(site, made.truth.quat_nb[0]), vertical="off", every=300)
     t, k = made.truth, slice(None, None, 300)
-    reference = Reference(t.time[k], t.position[k], t.velocity[k], t.quaternion[k])
+    reference = t.rows(k)
     return evaluate(p.update(made.record).path(), reference)
 
 
@@ -150,30 +149,30 @@ def test_a_day_follows_the_linear_theory(day):
 
 @pytest.mark.parametrize("name", ["two-axis-8", "two-axis-16", "two-axis-64"])
 def test_two_axis_schemes_leave_nothing_of_bias_and_own_scale(name):
-    r = residual(named_scheme(name))
+    r = scheme_residual(named_scheme(name))
     assert np.abs(r.bias).max() < 1e-12
     assert np.abs(np.einsum("ijj->ij", r.matrix)).max() < 1e-12
 
 
 def test_sixteen_leave_nothing_of_misalignment_and_asymmetry():
-    r = residual(named_scheme("two-axis-16"))
+    r = scheme_residual(named_scheme("two-axis-16"))
     assert np.abs(r.matrix).max() < 1e-12
     assert np.abs(r.asymmetry).max() < 1e-12
 
 
 def test_single_axis_residuals_by_hand():
     """One way: nothing of level bias, all of the vertical's; scale factor times the rate."""
-    one_way = residual(named_scheme("continuous", limits=Limits(2.0)))
+    one_way = scheme_residual(named_scheme("continuous", limits=Limits(2.0)))
     np.testing.assert_allclose(one_way.bias, np.diag([0.0, 0.0, 1.0]), atol=1e-12)
     assert one_way.matrix[2, 2, 2] == pytest.approx(2.0 * DEG, rel=1e-9)
-    both = residual(named_scheme("reciprocating", limits=Limits(2.0)))
+    both = scheme_residual(named_scheme("reciprocating", limits=Limits(2.0)))
     assert abs(both.matrix[2, 2, 2]) < 1e-12
     # The asymmetry is left whole: |w| is 2 deg/s but for the reversals.
     assert both.asymmetry[2, 2] == pytest.approx(2.0 * DEG, rel=5e-3)
 
 
 def test_earth_term_of_an_equal_scale_factor_cannot_be_turned_away():
-    r = residual(named_scheme("two-axis-16"))
+    r = scheme_residual(named_scheme("two-axis-16"))
     np.testing.assert_allclose(np.einsum("ijjl->il", r.earth), np.eye(3), atol=1e-12)
 
 
@@ -184,8 +183,8 @@ def test_the_optimiser_finds_what_sixteen_are():
     limits = Limits(10.0, 20.0, travel=360.0)
     scheme, drift = optimise_scheme(16, limits=limits, tries=160, rng=np.random.default_rng(3))
     weights = (0.01 * DEG_PER_HOUR, 10e-6, 10 * DEG / 3600, 1e-6)
-    assert drift == _cost(residual(scheme, 2.0), weights)
-    assert drift <= _cost(residual(named_scheme("two-axis-16"), 2.0), weights)
+    assert drift == _cost(scheme_residual(scheme, 2.0), weights)
+    assert drift <= _cost(scheme_residual(named_scheme("two-axis-16"), 2.0), weights)
     assert all(max(-low, high) <= 360.0 for low, high, _ in scheme.travel().values())
     with pytest.raises(InputError, match="even number"):
         optimise_scheme(7)

@@ -105,8 +105,8 @@ def test_locks_on_a_turning_carrier():
     t = np.linspace(0.0, 60.0, 61)
     mine = carrier.track(t).angles[:, 0, 0, 0]
     table = scheme.angles(t)[:, 0]
-    north = quat_to_euler(scheme.on(carrier, "north").track(t).quaternion)[:, 0]
-    both = quat_to_euler(scheme.on(carrier, "carrier").track(t).quaternion)[:, 0]
+    north = quat_to_euler(scheme.on(carrier, "north").track(t).quat_nb)[:, 0]
+    both = quat_to_euler(scheme.on(carrier, "carrier").track(t).quat_nb)[:, 0]
     wrap = lambda x: np.remainder(x + np.pi, 2 * np.pi) - np.pi  # noqa: E731
     np.testing.assert_allclose(wrap(north - table), 0.0, atol=1e-12)
     np.testing.assert_allclose(wrap(both - table - mine), 0.0, atol=1e-12)
@@ -126,7 +126,7 @@ def test_alignment_while_rotating_loses_the_level_bias():
     ):
         made = simulate(motion, site, 2.0 * scheme.period, 20.0, gyro_bias=bias)
         fix = align(made.record, site, "centred")
-        q = fix.quaternion
+        q = fix.quat_nb
         if table is not None:
             q = carrier_attitude(q, table.angles([made.record.end])[0])
         found.append(abs(quat_to_euler(q)[0]) / DEG * 60.0)

@@ -9,7 +9,7 @@ from schuler.attitude import psi_to_heading
 from schuler.constants import DEG, EARTH_A, EARTH_E2, EARTH_RATE
 from schuler.earth import Site, gravity, radii
 from schuler.errors import InputError
-from schuler.io.reference import read_reference
+from schuler.io.trajectory import read_trajectory
 from schuler.motion import Manoeuvre, Route, Static
 from schuler.navigation import (
     Gravity,
@@ -42,7 +42,7 @@ def flight(reference_dir):
     record = ImuRecord(time, np.full(len(time), 0.01), a, v)
     lat, lon, height, vn, ve, vd, roll, pitch, heading = first
     start = Start.from_angles(Site(lat, lon, height), heading, pitch, roll, (ve, vn, -vd))
-    return record, start, read_reference(reference_dir / "pyins_traj_truth_10hz.csv")
+    return record, start, read_trajectory(reference_dir / "pyins_traj_truth_10hz.csv")
 
 
 @pytest.mark.parametrize("subsamples", [1, 2])
@@ -80,7 +80,7 @@ def test_across_the_date_line(flight):
     """The same flight elsewhere: longitudes differ by the shift, the rest is the same."""
     record, start, _ = flight
     shift = 179.95 - start.site.lon
-    there = Start(Site(start.site.lat, 179.95, start.site.height), start.quaternion, start.velocity)
+    there = Start(Site(start.site.lat, 179.95, start.site.height), start.quat_nb, start.v_n)
     a, b = navigate(record, start), navigate(record, there)
     assert b.position[0, 1] > 0 > b.position[-1, 1]
     turn = np.remainder(b.position[:, 1] - a.position[:, 1] - shift * DEG + 1.0, 2 * np.pi) - 1.0
@@ -130,7 +130,7 @@ def test_over_the_pole(subsamples):
         abs(np.remainder(lon - 200.0 * DEG + np.pi, 2 * np.pi) - np.pi) * 6.4e6 * np.cos(lat) < 1e-3
     )
     assert abs(height - 3000.0) < 1e-3
-    np.testing.assert_allclose(path.velocity[-1], [0.0, -250.0, 0.0], atol=1e-5)
+    np.testing.assert_allclose(path.v_n[-1], [0.0, -250.0, 0.0], atol=1e-5)
     assert psi_to_heading(path.euler[-1, 0]) == pytest.approx(np.pi, abs=1e-8)
     assert np.all(np.isfinite(path.position))
     assert np.abs(path.position[:, 0]).max() < 0.5 * np.pi + 1e-12
@@ -144,9 +144,9 @@ def test_moving_truth_in_both_hemispheres(lat, height):
     )
     made = simulate(motion, Site(lat, -70.0, height), 60.0)
     t = made.truth
-    start = Start(Site(lat, -70.0, height), t.quaternion[0], t.velocity[0])
+    start = Start(Site(lat, -70.0, height), t.quat_nb[0], t.v_n[0])
     p = navigate(made.record, start)
-    assert np.abs(p.velocity - t.velocity).max() < 3e-6
+    assert np.abs(p.v_n - t.v_n).max() < 3e-6
     metres = np.abs(p.position[-1] - t.position[-1]) * [6.4e6, 6.4e6 * np.cos(lat * DEG), 1.0]
     assert metres.max() < 5e-3
 
@@ -162,11 +162,12 @@ def test_chunks_do_not_matter(spec):
             n.update(ImuRecord(r.time[s], r.dt[s], r.dtheta[s], r.dvel[s]))
         results.append(n.path())
     a, b = results
-    assert np.array_equal(a.rows, b.rows)
+    for name in ("time", "position", "v_n", "quat_nb"):
+        assert np.array_equal(getattr(a, name), getattr(b, name))
     assert a.time[-1] == r.time[-1]
     if spec:
         assert np.array_equal(a.variances, b.variances)
-        assert np.array_equal(a.final_covariance, b.final_covariance)
+        assert np.array_equal(a.covariance, b.covariance)
 
 
 def test_free_height_runs_away_and_others_do_not():
@@ -182,7 +183,7 @@ def test_free_height_runs_away_and_others_do_not():
     assert abs(damped - 100.0) < 1e-4
     off = navigate(record, high, vertical="off")
     assert np.all(off.position[:, 2] == 101.0)
-    assert np.all(off.velocity[:, 2] == 0.0)
+    assert np.all(off.v_n[:, 2] == 0.0)
 
 
 def test_damping_takes_out_a_vertical_bias_by_its_integral():
@@ -206,7 +207,7 @@ def test_gravity_models_against_each_other():
     site = Site(34.2, 108.9, 400.0)
     record = simulate(Static(), site, 10.0, 10.0).record
     up = {
-        m: navigate(record, Start.from_angles(site, 0.0), gravity=m).velocity[-1, 2] / 10.0
+        m: navigate(record, Start.from_angles(site, 0.0), gravity=m).v_n[-1, 2] / 10.0
         for m in ("somigliana", "somigliana1", "psins", "constant")
     }
     assert abs(up["somigliana"]) < 1e-10
@@ -221,10 +222,10 @@ def test_lever_arm_is_the_motion_simulated_there():
     steps = [Manoeuvre(20, speed=30), Manoeuvre(20, turn=90)]
     made = simulate(Route(steps, heading=30.0), Site(40.0), 40.0)
     there = simulate(Route(steps, heading=30.0, lever=lever), Site(40.0), 40.0)
-    p = navigate(made.record, Start(Site(40.0), made.truth.quaternion[0], made.truth.velocity[0]))
+    p = navigate(made.record, Start(Site(40.0), made.truth.quat_nb[0], made.truth.v_n[0]))
     moved = at_lever(p, lever)
     k = slice(10, -10)
-    np.testing.assert_allclose(moved.velocity[k], there.truth.velocity[k], atol=2e-4)
+    np.testing.assert_allclose(moved.v_n[k], there.truth.v_n[k], atol=2e-4)
     # The simulated IMU starts at the site; the way from there is what must agree.
     way = (moved.position - moved.position[0]) - (there.truth.position - there.truth.position[0])
     rm, rn = radii(40.0 * DEG)
@@ -239,8 +240,8 @@ def test_covariance_is_honest(vertical):
     """NEES of 9 states over 150 runs of 20 min in the chi-square band of 1e-3."""
     from schuler.kernels import strapdown
     from schuler.kernels.strapdown import many
+    from schuler.navigation.navigator import local_rows
     from schuler.sensors import ImuSpec
-    from schuler.trajectory import Path
 
     rng = np.random.default_rng(5)
     spec = ImuSpec.from_dict({
@@ -253,9 +254,9 @@ def test_covariance_is_honest(vertical):
     sigma = np.array([2e-5] * 2 + [2e-4] + [0.05] * 3 + [5.0] * 3)
     if vertical == "off":
         sigma[[5, 8]] = 0.0
-    start = Start(site, made.truth.quaternion[0], made.truth.velocity[0], np.diag(sigma**2))
+    start = Start(site, made.truth.quat_nb[0], made.truth.v_n[0], np.diag(sigma**2))
     path = Navigator(start, vertical=vertical, spec=spec, every=100_000).update(made.record).path()
-    cov = path.final_covariance[:9, :9]
+    cov = path.covariance[:9, :9]
 
     runs = 150
     drawn = sigma * rng.standard_normal((runs, 9))
@@ -271,10 +272,10 @@ def test_covariance_is_honest(vertical):
         q = np.r_[1.0, -0.5 * phi]
         from schuler.attitude import multiply
 
-        state[:] = Start(moved, multiply(q / np.linalg.norm(q), start.quaternion),
-                         start.velocity + x[3:6]).state().data  # fmt: skip
+        state[:] = Start(moved, multiply(q / np.linalg.norm(q), start.quat_nb),
+                         start.v_n + x[3:6]).state().data  # fmt: skip
         if vertical == "off":
-            state[6] = start.velocity[2]
+            state[6] = start.v_n[2]
     g, a = spec.gyro, spec.accelerometer
     errors = np.zeros((runs, 26))
     errors[:, :3] = g.bias * rng.standard_normal((runs, 3))
@@ -284,15 +285,15 @@ def test_covariance_is_honest(vertical):
     mode = strapdown.OFF if vertical == "off" else strapdown.FREE
     options = np.array([strapdown.SOMIGLIANA, 0, mode, 0, 0, 0, 50.0], float)
     many(states, options, 0.1, made.record.dtheta, made.record.dvel, errors, rng, ends)
-    ends = Path(ends)
+    ends = local_rows(ends)
     from schuler.attitude import multiply, quat_to_rotvec
 
     truth = made.truth
     rm, rn = (float(r) + 50.0 for r in radii(truth.position[-1, 0]))
-    phi = quat_to_rotvec(multiply(truth.quaternion[-1], ends.quaternion * [1, -1, -1, -1]))
-    dp = (ends.position - truth.position[-1])[:, [1, 0, 2]]
+    phi = quat_to_rotvec(multiply(truth.quat_nb[-1], ends.quat_nb * [1, -1, -1, -1]))
+    dp = (np.column_stack([ends.lat, ends.lon, ends.height]) - truth.position[-1])[:, [1, 0, 2]]
     dp *= [rn * np.cos(truth.position[-1, 0]), rm, 1.0]
-    x = np.column_stack([phi, ends.velocity - truth.velocity[-1], dp])
+    x = np.column_stack([phi, ends.v_n - truth.v_n[-1], dp])
     keep = np.arange(9) if vertical == "free" else np.array([0, 1, 2, 3, 4, 6, 7])
     nees = np.einsum("ri,ij,rj->r", x[:, keep], np.linalg.inv(cov[np.ix_(keep, keep)]), x[:, keep])
     low, high = chi_square_band(runs * len(keep), 1e-3)
@@ -335,5 +336,5 @@ def test_psins_gravity_is_what_its_record_was_made_with(reference_dir):
     found = float((rows[:, 4:7].mean(axis=0) - 50e-6 * g0) @ up)
     site = Site(34.2, 108.9, 400.0)
     record = simulate(Static(), site, 10.0, 10.0).record
-    fall = navigate(record, Start.from_angles(site, 0.0), gravity="psins").velocity[-1, 2] / 10.0
+    fall = navigate(record, Start.from_angles(site, 0.0), gravity="psins").v_n[-1, 2] / 10.0
     assert found == pytest.approx(site.gravity - fall, abs=3.0 * 10e-6 * g0 / np.sqrt(300.0))

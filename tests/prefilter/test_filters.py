@@ -94,14 +94,14 @@ def test_gate():
     record = ImuRecord(
         TIME, np.full(N, DT), np.zeros((N, 3)), np.outer(force * DT, [0.0, 0.0, 1.0])
     )
-    both = Gate(9.8)
+    both = Gate(gravity=9.8)
     assert np.flatnonzero(both.rejected(record)).tolist() == [*range(1000, 1005), 2000]
     np.testing.assert_allclose(both(record).accel[:, 2], 9.8)
-    printed = Gate(9.8, two_sided=False)(record).accel[:, 2]
+    printed = Gate(gravity=9.8, two_sided=False)(record).accel[:, 2]
     assert printed[2000] == pytest.approx(9.0)
     assert printed[1002] == pytest.approx(9.8)
     with pytest.raises(InputError, match="rejects every sample"):
-        Gate(8.0)(record)
+        Gate(gravity=8.0)(record)
 
 
 def test_hankel_keeps_what_its_matrix_says():
@@ -134,7 +134,7 @@ def test_hankel_is_feasible_for_sixty_thousand_samples():
         (lambda r: LowPass(zero_phase=True).stream(), "only the causal"),
         (lambda r: LowPass(frame="moon")(r), "frame must be"),
         (lambda r: LowPass()(r.rows(0, 3)), "16 samples"),
-        (lambda r: Gate(-9.8), "positive gravity"),
+        (lambda r: Gate(gravity=-9.8), "positive gravity"),
         (lambda r: Hankel(rank=0)(r), "rank"),
         (lambda r: Wavelet("unheard-of")(r), "unknown discrete wavelet"),
         (lambda r: Wavelet(levels=99)(r), "levels must be"),

@@ -46,16 +46,16 @@ def test_theory_of_table_1_to_a_hundredth():
 
 
 def test_two_instants_are_the_estimator_of_the_aligner():
-    """The room's own two instants against `align` on the full simulator, biases and all."""
+    """The module's own two instants against `align` on the full simulator, biases and all."""
     eps = np.array([0.01, -0.02, 0.01]) * DEG_PER_HOUR
     nabla = np.array([100.0, -50.0, 80.0]) * MICRO_G
     made = simulate(Static(59.99, -4.92, 6.18), SITE, 300.0, 10.0, gyro_bias=eps, accel_bias=nabla)
     start = guo2015.inertial_to_local(0.0, SITE.latitude)
-    true = start.T @ quat_to_matrix(made.truth.quaternion[0])
+    true = start.T @ quat_to_matrix(made.truth.quat_nb[0])
     pair = [(149.95, 299.95)]
     found = guo2015.two_instants(made.record, SITE, pair)
     fix = align(made.record, SITE, Inertial("instants-triad"), at="start")
-    own = guo2015._phi(start.T @ quat_to_matrix(fix.quaternion), true)
+    own = guo2015._phi(start.T @ quat_to_matrix(fix.quat_nb), true)
     # The aligner fits the second vector exactly where TRIAD here fits the first: what the drift
     # gathers between them, 0.02 deg/h in 150 s, is 0.05 arcmin.
     for form in guo2015.FORMS:
@@ -70,9 +70,9 @@ def test_sway_drops_out():
     ]
     made = simulate(Sway(10.0, 1.0, -2.0, lines), SITE, 100.0, 100.0)
     start = guo2015.inertial_to_local(0.0, SITE.latitude)
-    true = start.T @ quat_to_matrix(made.truth.quaternion[0])
+    true = start.T @ quat_to_matrix(made.truth.quat_nb[0])
     still = simulate(Static(10.0, 1.0, -2.0), SITE, 100.0, 100.0)
-    rest = start.T @ quat_to_matrix(still.truth.quaternion[0])
+    rest = start.T @ quat_to_matrix(still.truth.quat_nb[0])
     pair = [(20.0, 80.0)]
     swaying = guo2015._phi(guo2015.two_instants(made.record, SITE, pair)["TRIAD"], true)
     resting = guo2015._phi(guo2015.two_instants(still.record, SITE, pair)["TRIAD"], rest)
@@ -123,7 +123,7 @@ def test_the_table_of_two_positions_goes_where_it_says():
     table, duration, positions = table_of([[30.0, 0.0, 0.0], [70.0, 25.0, -20.0]], 100.0)
     made = simulate(table, SITE, duration, 20.0)
     np.testing.assert_allclose(
-        quat_to_matrix(made.truth.quaternion[-1]), positions[1].matrix, atol=1e-9
+        quat_to_matrix(made.truth.quat_nb[-1]), positions[1].matrix, atol=1e-9
     )
     assert duration == pytest.approx(200.0 + positions[1].turn)
     assert positions[0].turn == 0.0

@@ -18,7 +18,7 @@ def clean(rng, n=2000):
 
 
 def quality_of(t, x, **options):
-    """Return what the door found."""
+    """Return what the import found."""
     return ImuRecord.from_mean_rates(t, x[:, :3], x[:, 3:], **options).quality
 
 

@@ -1,4 +1,4 @@
-"""Faults: rates of false alarm and of miss as chosen, isolation, exclusion, and honest limits."""
+"""Faults: rates of false alarm and missed detection as chosen, isolation, exclusion, limits."""
 
 from __future__ import annotations
 

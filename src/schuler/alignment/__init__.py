@@ -1,4 +1,4 @@
-"""Finding the attitude of a standing vehicle, with its uncertainty."""
+"""Finding the attitude of a stationary vehicle, with its uncertainty."""
 
 from __future__ import annotations
 
@@ -8,18 +8,15 @@ from schuler.alignment.compare import Comparison, compare
 from schuler.alignment.convergence import Convergence, convergence
 from schuler.alignment.latitude import LatitudeFix, align_without_latitude
 from schuler.alignment.live import LiveAligner
+from schuler.alignment.method import Estimate, Method, Problem
 from schuler.alignment.methods import (
     METHODS,
-    PREFILTERS,
     Analytic,
     Auto,
-    Fine,
     Gyrocompass,
     Inertial,
-    Method,
+    KalmanAlignment,
     parse_method,
-    parse_prefilter,
-    with_prefilter,
 )
 from schuler.alignment.next_position import Fixture, Suggestion, suggest_position
 from schuler.alignment.result import Alignment
@@ -31,29 +28,30 @@ from schuler.alignment.stationary.error_formulas import (
     inertial_error,
     inertial_frame_error,
 )
-from schuler.alignment.stationary.kalman import FinePass
+from schuler.alignment.stationary.kalman import FilterHistory
 from schuler.alignment.windows import Windows, align_windows
 
 __all__ = [
     "METHODS",
-    "PREFILTERS",
     "Aligner",
     "Alignment",
     "Analytic",
     "Auto",
     "Comparison",
     "Convergence",
-    "Fine",
-    "FinePass",
+    "Estimate",
+    "FilterHistory",
     "Fixture",
     "Gyrocompass",
     "Inertial",
+    "KalmanAlignment",
     "LatitudeFix",
     "Limit",
     "LiveAligner",
     "LiveSession",
     "Method",
     "Position",
+    "Problem",
     "Residual",
     "Suggestion",
     "Windows",
@@ -69,9 +67,7 @@ __all__ = [
     "limit",
     "load_positions",
     "parse_method",
-    "parse_prefilter",
     "position_limit",
     "residual",
     "suggest_position",
-    "with_prefilter",
 ]

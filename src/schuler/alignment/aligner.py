@@ -10,21 +10,11 @@ from numpy.typing import NDArray
 
 from schuler.alignment.assessment import assess, capped
 from schuler.alignment.bound import limit, position_limit
-from schuler.alignment.estimate import QUIET, Estimate, estimate
+from schuler.alignment.estimate import QUIET
 from schuler.alignment.history import History
-from schuler.alignment.methods import (
-    Analytic,
-    Auto,
-    Fine,
-    Gyrocompass,
-    Inertial,
-    Method,
-    parse_method,
-    with_prefilter,
-)
+from schuler.alignment.method import Estimate, Method, Problem
+from schuler.alignment.methods import parse_method
 from schuler.alignment.result import Alignment
-from schuler.alignment.stationary.gyrocompass import compass_alignment
-from schuler.alignment.stationary.kalman import fine_alignment
 from schuler.alignment.stationary.optimal import Linearisation
 from schuler.attitude import nearest_quat
 from schuler.constants import ARCMIN
@@ -151,6 +141,8 @@ class Aligner:
             self._tail = (chunk.time[-1:], chunk.dt[-1:])
             self._held.append(chunk)
             return self
+        if self.method.needs == "samples":
+            self._held.append(chunk)
         if not self._subsamples:
             self._open(chunk)
         self._tracking.track(
@@ -170,7 +162,7 @@ class Aligner:
         self._name = chunk.name
         # A corrected increment leaves nothing for several samples to correct.
         self._flags = (float(not chunk.coning_corrected), float(not chunk.sculling_corrected))
-        wanted = self.method.subsamples if isinstance(self.method, (Inertial, Auto)) else None
+        wanted = self.method.wanted_subsamples
         if wanted is None:
             # By the first interval alone, so that chunking cannot matter.
             rate = 1.0 / float(chunk.dt[0])
@@ -239,22 +231,11 @@ class Aligner:
     def _estimate(
         self, h: History, spec: ImuSpec | None, about: Linearisation | None = None
     ) -> Estimate:
-        at_end = self.at == "end"
-        if not isinstance(self.method, (Fine, Gyrocompass)):
-            return estimate(h, self.site, self.method, spec, at_end, about)
-        if isinstance(self.method, Gyrocompass):
-            if not at_end:
-                raise InputError("a gyrocompass loop gives the attitude at the end: say --at end")
-            loop = compass_alignment(h, self.site, self.method, spec)
-            return Estimate(
-                self.method, loop.attitude, loop.budget, None, None, spec, passed=loop.passed
+        return self.method.solve(
+            Problem(
+                h, self.site, spec, self.at == "end", about,
+                lambda: ImuRecord.concatenate(self._held),
             )
-        fine = fine_alignment(h, self.site, self.method, spec, at_end, about)
-        known = spec is not None
-        return Estimate(
-            self.method, fine.attitude, fine.budget, None, None, spec,
-            fine.biases if known else None, fine.bias_covariance if known else None,
-            passed=fine.passed, best=fine.best,
         )  # fmt: skip
 
     def _prefiltered(self) -> Alignment:
@@ -262,11 +243,11 @@ class Aligner:
         assert self.method.prefilter is not None
         record = ImuRecord.concatenate(self._held, quality=self._held[-1].quality)
         plain = Aligner(
-            self.site, with_prefilter(self.method, None), self.spec, at=self.at,
+            self.site, self.method.with_prefilter(None), self.spec, at=self.at,
             reading=self.reading,
         )  # fmt: skip
-        fix = plain.update(self.method.prefilter(record)).solution()
-        return replace(fix, method=with_prefilter(fix.method, self.method.prefilter))
+        fix = plain.update(self.method.prefilter.at(self.site.gravity)(record)).solution()
+        return replace(fix, method=fix.method.with_prefilter(self.method.prefilter))
 
     def solution(self) -> Alignment:
         """Return the alignment of all that has been taken.
@@ -329,7 +310,7 @@ class Aligner:
             end=float(self._tail[0][-1]),
             samples=self.samples,
             at=self.at,
-            quaternion=nearest_quat(found.attitude),
+            quat_nb=nearest_quat(found.attitude),
             covariance=covariance,
             budget=budget,
             contradictions=contradictions,
@@ -343,7 +324,7 @@ class Aligner:
             history=h,
             summary=summary,
             why=found.why,
-            passed=found.passed,
+            filter_history=found.filter_history,
             inputs={"record": self._name},
         )
 
@@ -362,7 +343,7 @@ def align(
     Parameters
     ----------
     record : ImuRecord
-        A standing, possibly disturbed vehicle.
+        A stationary, possibly disturbed vehicle.
     site : Site
         Latitude and height.
     method : Method or str, optional
@@ -393,7 +374,3 @@ def align(
     return (
         Aligner(site, method, spec, at=at, array=array).update(record).solution().noting(said, {})
     )
-
-
-# A method that is not in the union would fall through `estimate`'s branches unseen.
-assert set(Method.__args__) == {Inertial, Analytic, Auto, Fine, Gyrocompass}

@@ -21,8 +21,8 @@ from schuler.alignment.consistency import (
     with_gyro_bias,
 )
 from schuler.alignment.debias import without_gyro_bias
-from schuler.alignment.estimate import Estimate
 from schuler.alignment.history import History
+from schuler.alignment.method import Estimate
 from schuler.alignment.methods import Analytic
 from schuler.alignment.stationary.analytic import analytic_attitude
 from schuler.alignment.stationary.optimal import Linearisation, joint

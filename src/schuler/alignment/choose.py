@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from schuler.alignment.methods import Inertial
-from schuler.alignment.stationary.optimal import Joint
+from schuler.alignment.stationary.optimal import OptimalAlignment
 from schuler.sensors import ImuSpec
 
 __all__ = ["choose"]
 
 
-def choose(best: Joint, spec: ImuSpec | None, subsamples: int | None) -> tuple[Inertial, str]:
+def choose(
+    best: OptimalAlignment, spec: ImuSpec | None, subsamples: int | None
+) -> tuple[Inertial, str]:
     """Return the method for a history and the reason in a sentence.
 
     With a specification the optimal estimate is the choice on any base: it weighs the attitude of
@@ -18,7 +20,7 @@ def choose(best: Joint, spec: ImuSpec | None, subsamples: int | None) -> tuple[I
 
     Parameters
     ----------
-    best : Joint
+    best : OptimalAlignment
         The optimal estimate, which says what the record shows.
     spec : ImuSpec or None
     subsamples : int or None

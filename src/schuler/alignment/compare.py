@@ -15,15 +15,13 @@ from schuler.alignment.aligner import align
 from schuler.alignment.convergence import convergence
 from schuler.alignment.methods import (
     METHODS,
-    PREFILTERS,
     parse_method,
-    parse_prefilter,
-    with_prefilter,
 )
 from schuler.alignment.result import Alignment
 from schuler.alignment.windows import align_windows
 from schuler.earth import Site
 from schuler.errors import InputError, SchulerError
+from schuler.prefilter import PREFILTERS, parse_prefilter
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec, load_spec
 
@@ -71,7 +69,7 @@ class Row:
         """Return the row as plain values."""
         return {
             "method": self.method, "prefilter": self.prefilter, "heading_deg": self.heading_deg,
-            "sigma_arcmin": self.sigma_arcmin, "settle_s": self.settle_s,
+            "heading_sigma_arcmin": self.sigma_arcmin, "settle_s": self.settle_s,
             "std_heading_arcmin": self.std_heading_arcmin, "seconds": self.seconds,
             "note": self.note,
         }  # fmt: skip
@@ -99,9 +97,9 @@ class Comparison(Shown):
     rows: tuple[Row, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison with the keys of the JSON schema `schuler.comparison/1`."""
+        """Return the comparison with the keys of the JSON schema `schuler.comparison/2`."""
         return {
-            "schema": "schuler.comparison/1", "record": self.name, "duration_s": self.duration,
+            "schema": "schuler.comparison/2", "record": self.name, "duration_s": self.duration,
             "window_s": self.window, "limit_arcmin": self.limit_arcmin,
             "rows": [row.to_dict() for row in self.rows],
         }  # fmt: skip
@@ -164,7 +162,7 @@ def compare(
         For an unknown name.
     """
     spec = load_spec(spec)
-    todo = [(parse_method(m), parse_prefilter(p, site.gravity), m, p) for m, p in pairs]
+    todo = [(parse_method(m), parse_prefilter(p), m, p) for m, p in pairs]
     if window is None:
         window = max(60.0, record.duration / 10.0)
     repeat = window if record.duration >= 3.0 * window else None
@@ -173,7 +171,7 @@ def compare(
     for method, prefilter, name, filter_name in todo:
         if progress is not None:
             progress(f"{name}, {filter_name}" if filter_name != "none" else name)
-        method = with_prefilter(method, prefilter)
+        method = method.with_prefilter(prefilter)
         begin = time.perf_counter()
         try:
             fix = align(record, site, method, spec)

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from schuler.alignment.axes_consistency import AXES_MARGIN, AxesTest, axes_test, axes_text
 from schuler.alignment.history import History
-from schuler.alignment.stationary.optimal import Joint, NormalEquations
+from schuler.alignment.stationary.normal_equations import NormalEquations
+from schuler.alignment.stationary.optimal import OptimalAlignment
 from schuler.constants import DEG, DEG_PER_HOUR, EARTH_RATE, MICRO_G
 from schuler.earth import Site
 from schuler.record import Summary
@@ -50,9 +51,6 @@ DEFLECTION_SIGMA = 5.0 / 3600.0 * DEG
 
 _HEIGHT_SIGMA = 200.0
 """Of a height that somebody typed in, m."""
-
-_LARGEST_BASE_RATE = 1.0 * DEG_PER_HOUR
-"""More than so much (1-sigma) no standing vehicle yaws over minutes."""
 
 _GROSS = 1.0 * DEG_PER_HOUR
 """Without a specification a smaller bias is no contradiction, whatever else would explain it."""
@@ -151,36 +149,6 @@ def bias_sigma(part: GyroSpec | AccelerometerSpec, force: float) -> float:
 # -- Earth rate ------------------------------------------------------------------------
 
 
-def _priors(
-    normal: NormalEquations, gyro: float, accel: float, base_rate: tuple[float, float, float]
-) -> Array:
-    out = np.full(len(normal.right), np.inf)
-    out[NormalEquations.GYRO], out[NormalEquations.ACCEL] = gyro, accel
-    out[NormalEquations.LATITUDE] = 0.0
-    out[NormalEquations.BASE_RATE] = base_rate
-    return out
-
-
-def _base_yaw_rate(normal: NormalEquations, gyro: float, accel: float) -> float:
-    """Return the 1-sigma yaw rate of the base that its tilting makes likely, rad/s.
-
-    Half of the prior says that the base does not turn at all; the other half is spread over sizes.
-    """
-    found, covariance = normal.solve(_priors(normal, gyro, accel, (np.inf, np.inf, 0.0)))
-    tilt, noise = found[-3:-1], covariance[-3:-1, -3:-1]
-    if not np.all(np.diag(noise) > 0):
-        return 0.0
-    unit = float(np.sqrt(np.diag(noise).mean()))
-    sizes = np.concatenate([[0.0], np.geomspace(0.1, 100.0, 30) * unit])
-    log = np.empty(len(sizes))
-    for k, size in enumerate(sizes):
-        total = noise + size**2 * np.eye(2)
-        log[k] = -0.5 * (np.linalg.slogdet(total)[1] + tilt @ np.linalg.solve(total, tilt))
-    weight = np.exp(log - log.max())
-    weight[1:] /= len(sizes) - 1
-    return float(np.sqrt(np.minimum(sizes, _LARGEST_BASE_RATE) ** 2 @ weight / weight.sum()))
-
-
 _SHARE = {"gyro": 0.02, "accelerometer": 1.0}
 """A bias of which the record shows less, relative to its prior's information, is not tested.
 
@@ -265,13 +233,13 @@ class _Observable:
 
 
 def earth_rate_test(
-    best: Joint, site: Site, spec: ImuSpec | None, up: Array, north: Array
+    best: OptimalAlignment, site: Site, spec: ImuSpec | None, up: Array, north: Array
 ) -> EarthRateTest:
     """Hold the gyro bias that a record shows against its prior.
 
     Parameters
     ----------
-    best : Joint
+    best : OptimalAlignment
         The optimal estimate.
     site : Site
     spec : ImuSpec or None
@@ -289,8 +257,8 @@ def earth_rate_test(
         accel = float(np.hypot(accel, bias_sigma(spec.accelerometer, force)))
     scale = gyro or _UNSPECIFIED_GYRO
     # What a base yaws with its tilting, and what two tilts make of yaw to second order.
-    yaw = float(np.hypot(_base_yaw_rate(normal, scale, accel), best.tilt / best.history.duration))
-    prior = _priors(normal, scale, accel, (np.inf, np.inf, yaw))
+    yaw = float(np.hypot(normal.base_rate(scale, accel), best.tilt / best.history.duration))
+    prior = normal.priors(scale, accel, (np.inf, np.inf, yaw))
     seen = _Observable.of(normal, "gyro", prior, scale)
     probability = seen.probability(gyro)
     least = max(gyro, seen.likely()) if probability < FALSE_ALARM else gyro
@@ -371,7 +339,7 @@ def gravity_test(summary: Summary, site: Site, spec: ImuSpec | None) -> Contradi
 
 
 def check(
-    h: History, best: Joint, summary: Summary, site: Site, spec: ImuSpec | None
+    h: History, best: OptimalAlignment, summary: Summary, site: Site, spec: ImuSpec | None
 ) -> Consistency:
     """Return what contradicts a record, and the gyro bias that its uncertainty must hold.
 
@@ -379,7 +347,7 @@ def check(
     ----------
     h : History
         Not thinned.
-    best : Joint
+    best : OptimalAlignment
         The optimal estimate of it.
     summary : Summary
     site : Site

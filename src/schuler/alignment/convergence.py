@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.alignment.estimate import estimate
-from schuler.alignment.methods import Fine, Gyrocompass
+from schuler.alignment.method import Problem
 from schuler.alignment.result import Alignment
 from schuler.alignment.stationary.inertial import MINIMUM_ROWS
-from schuler.alignment.stationary.kalman import FinePass
+from schuler.alignment.stationary.kalman import FilterHistory
 from schuler.attitude import nearest_quat, psi_to_heading, quat_to_euler
 from schuler.constants import ARCMIN, DEG
 from schuler.errors import InputError
+from schuler.record import ImuRecord
 
 __all__ = ["Convergence", "convergence"]
 
@@ -47,17 +47,16 @@ def convergence(fix: Alignment, points: int = 60) -> Convergence:
     points : int
         At most so many, spaced evenly in the logarithm of time from a hundredth of the span.
     """
-    if fix.passed is not None:
-        return _of_filter(fix.passed, points)
-    assert not isinstance(fix.method, (Fine, Gyrocompass))
-    h = fix.history
+    if fix.filter_history is not None:
+        return _of_filter(fix.filter_history, points)
+    h, method = fix.history, fix.method.with_prefilter(None)
     wanted = np.geomspace(0.01 * h.duration, h.duration, points)
     rows = np.unique(np.clip(np.searchsorted(h.t, wanted - 1e-9), MINIMUM_ROWS, len(h) - 1))
     found: list[tuple[float, float, float]] = []
     for row in rows:
         part = h.until(int(row))
         try:
-            e = estimate(part, fix.site, fix.method, fix.spec, fix.at == "end")
+            e = method.solve(Problem(part, fix.site, fix.spec, fix.at == "end", None, _no_samples))
         except InputError:
             # The first instants may not fix an attitude yet; the curve starts where they do.
             continue
@@ -70,10 +69,14 @@ def convergence(fix: Alignment, points: int = 60) -> Convergence:
     return Convergence(t, heading, sigma_arcmin)
 
 
-def _of_filter(passed: FinePass, points: int) -> Convergence:
+def _no_samples() -> ImuRecord:
+    raise InputError("a method that needs the samples tells its history itself")
+
+
+def _of_filter(filter_history: FilterHistory, points: int) -> Convergence:
     """Return what a filter said on its way."""
-    last = len(passed.t) - 1
+    last = len(filter_history.t) - 1
     rows = np.unique(np.round(np.geomspace(1, last + 1, points)).astype(np.int64)) - 1
-    heading = psi_to_heading(quat_to_euler(passed.quaternion[rows])[:, 0]) / DEG
+    heading = psi_to_heading(quat_to_euler(filter_history.quaternion[rows])[:, 0]) / DEG
     heading = heading[-1] + (heading - heading[-1] + 180.0) % 360.0 - 180.0
-    return Convergence(passed.t[rows], heading, passed.sigma[rows, 2] / ARCMIN)
+    return Convergence(filter_history.t[rows], heading, filter_history.sigma[rows, 2] / ARCMIN)

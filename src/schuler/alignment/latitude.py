@@ -74,7 +74,7 @@ def align_without_latitude(
     Parameters
     ----------
     record : ImuRecord
-        A standing, possibly rocking vehicle.
+        A stationary, possibly rocking vehicle.
     spec : ImuSpec, str or path, optional
         The instrument; without one sigma holds no biases.
     height : float

@@ -12,6 +12,7 @@ import numpy as np
 from schuler._version import __version__
 from schuler.alignment.aligner import Aligner
 from schuler.alignment.checkpoint import read_checkpoint, write_checkpoint
+from schuler.alignment.methods import METHODS
 from schuler.alignment.result import Alignment
 from schuler.earth import Site
 from schuler.errors import InputError
@@ -98,6 +99,12 @@ class LiveAligner:
         max_gap: float = 5.0,
     ) -> None:
         self.aligner = Aligner(site, method, spec)
+        if self.aligner.method.needs == "samples":
+            live = [name for name, method in METHODS.items() if method.needs == "sums"]
+            raise InputError(
+                f"the method {self.aligner.method} needs the whole record and cannot run live; "
+                f"take one of {', '.join(live)}"
+            )
         if self.aligner.method.prefilter is not None:
             raise InputError("a prefilter needs the whole record and cannot run live")
         self._name = method or "auto"

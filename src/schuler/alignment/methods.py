@@ -1,27 +1,23 @@
-"""Alignment methods as values: small frozen dataclasses that flags, files and sweeps share."""
+"""The alignment methods by name; flags, files, sweeps, JSON and plugins take them from here."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import Any
 
+from schuler._options import Registry
+from schuler.alignment.method import Estimate, Method, Problem
 from schuler.errors import InputError
-
-if TYPE_CHECKING:
-    from schuler.prefilter import Prefilter
+from schuler.prefilter.registry import parse_prefilter
 
 __all__ = [
     "METHODS",
-    "PREFILTERS",
     "Analytic",
     "Auto",
-    "Fine",
     "Gyrocompass",
     "Inertial",
-    "Method",
+    "KalmanAlignment",
     "parse_method",
-    "parse_prefilter",
-    "with_prefilter",
 ]
 
 ESTIMATORS = (
@@ -32,7 +28,7 @@ BASES = ("gravity", "earth-rate")
 
 
 @dataclass(frozen=True)
-class Inertial:
+class Inertial(Method):
     """Alignment in the frozen inertial frame: gravity seen from there turns with the Earth.
 
     Angular sway drops out exactly, because the gyros carry the force into a frame that does not
@@ -51,13 +47,10 @@ class Inertial:
     subsamples : int, optional
         Samples to one coning and sculling update, 1 to 4 (1 uses the sample before as well);
         by default chosen from the sampling rate.
-    prefilter : Prefilter, optional
-        Applied to the whole record first, which is then held in memory.
     """
 
     estimator: str = "centred"
     subsamples: int | None = None
-    prefilter: Prefilter | None = None
 
     def __post_init__(self) -> None:
         if self.estimator not in ESTIMATORS:
@@ -67,12 +60,15 @@ class Inertial:
         if self.subsamples is not None and self.subsamples not in (1, 2, 3, 4):
             raise InputError(f"subsamples must be 1, 2, 3 or 4, got {self.subsamples}")
 
-    def __str__(self) -> str:
-        return self.estimator
+    def solve(self, problem: Problem) -> Estimate:
+        """See `Method.solve`."""
+        from schuler.alignment.estimate import inertial_estimate
+
+        return inertial_estimate(self, problem)
 
 
 @dataclass(frozen=True)
-class Analytic:
+class Analytic(Method):
     """The traditional analytic method: mean force and mean rate as the two vectors.
 
     It needs a base that stands still: sway enters in full.
@@ -81,42 +77,42 @@ class Analytic:
     ----------
     base : {"gravity", "earth-rate"}
         The vector that is fitted exactly (where the Gram-Schmidt process starts).
-    prefilter : Prefilter, optional
-        As in `Inertial`.
     """
 
     base: str = "gravity"
-    prefilter: Prefilter | None = None
 
     def __post_init__(self) -> None:
         if self.base not in BASES:
             raise InputError(f"base must be one of {', '.join(BASES)}, got '{self.base}'")
 
-    def __str__(self) -> str:
-        return "analytic" if self.base == "gravity" else "analytic-earth-rate"
+    def solve(self, problem: Problem) -> Estimate:
+        """See `Method.solve`."""
+        from schuler.alignment.estimate import analytic_estimate
+
+        return analytic_estimate(self, problem)
 
 
 @dataclass(frozen=True)
-class Auto:
+class Auto(Method):
     """The method that the record calls for (`schuler.alignment.choose`).
 
     Parameters
     ----------
     subsamples : int, optional
         As in `Inertial`.
-    prefilter : Prefilter, optional
-        As in `Inertial`.
     """
 
     subsamples: int | None = None
-    prefilter: Prefilter | None = None
 
-    def __str__(self) -> str:
-        return "auto"
+    def solve(self, problem: Problem) -> Estimate:
+        """See `Method.solve`."""
+        from schuler.alignment.estimate import chosen_estimate
+
+        return chosen_estimate(self.subsamples, problem)
 
 
 @dataclass(frozen=True)
-class Fine:
+class KalmanAlignment(Method):
     """A Kalman filter over intervals of the record; memory is constant for any length.
 
     A step is no shorter than the distance of instants that are kept, of which there are 4096.
@@ -152,14 +148,12 @@ class Fine:
         Time between measurements, s.
     noise : float, optional
         Sigma of what is measured: m, m/s or m/s^2; read from the record when not given.
-    prefilter : Prefilter, optional
-        As in `Inertial`.
     """
 
     states: int = 15
     measurement: str = "displacement"
     coloured: bool = False
-    motion_time: float = 0.5
+    motion_time: float = field(default=0.5, metadata={"unit": "time"})
     base: bool = True
     lever: bool = False
     robust: str | None = None
@@ -167,9 +161,8 @@ class Fine:
     azimuth: str = "small"
     feedback: bool = True
     passes: int = 1
-    step: float = 1.0
+    step: float = field(default=1.0, metadata={"unit": "time"})
     noise: float | None = None
-    prefilter: Prefilter | None = None
 
     def __post_init__(self) -> None:
         for name, value, known in (
@@ -191,16 +184,24 @@ class Fine:
         if self.noise is not None and not self.noise > 0:
             raise InputError(f"noise must be positive, got {self.noise}")
 
-    def __str__(self) -> str:
-        if self.azimuth == "large":
-            return "kalman-large"
-        if self.measurement == "displacement":
-            return "kalman"
-        return "kalman-10" if self.states == 10 else f"kalman-{self.measurement}"
+    def solve(self, problem: Problem) -> Estimate:
+        """See `Method.solve`."""
+        from schuler.alignment.stationary.kalman import kalman_alignment
+
+        spec = problem.spec
+        fine = kalman_alignment(
+            problem.history, problem.site, self, spec, problem.at_end, problem.about
+        )
+        known = spec is not None
+        return Estimate(
+            self, fine.attitude, fine.budget, spec=spec, biases=fine.biases if known else None,
+            bias_covariance=fine.bias_covariance if known else None,
+            filter_history=fine.filter_history, best=fine.best,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Gyrocompass:
+class Gyrocompass(Method):
     """The classical two-stage gyrocompass loop with fixed gains.
 
     Parameters
@@ -209,13 +210,10 @@ class Gyrocompass:
         Part of the record for the level stage.
     pole : float, optional
         Pole of the azimuth stage, 1/s; by default as slow as the record allows.
-    prefilter : Prefilter, optional
-        As in `Inertial`.
     """
 
     level_share: float = 0.15
     pole: float | None = None
-    prefilter: Prefilter | None = None
 
     def __post_init__(self) -> None:
         if not 0 < self.level_share < 1:
@@ -223,84 +221,60 @@ class Gyrocompass:
         if self.pole is not None and not self.pole > 0:
             raise InputError(f"pole must be positive, got {self.pole}")
 
-    def __str__(self) -> str:
-        return "gyrocompass"
+    def solve(self, problem: Problem) -> Estimate:
+        """See `Method.solve`."""
+        from schuler.alignment.stationary.gyrocompass import compass_alignment
+
+        if not problem.at_end:
+            raise InputError("a gyrocompass loop gives the attitude at the end: say --at end")
+        loop = compass_alignment(problem.history, problem.site, self, problem.spec)
+        return Estimate(
+            self, loop.attitude, loop.budget, spec=problem.spec, filter_history=loop.filter_history
+        )
 
 
-Method = Inertial | Analytic | Auto | Fine | Gyrocompass
-
-#: the names of the command line and of scenario files
-METHODS: dict[str, Method] = {
-    "auto": Auto(),
-    **{name: Inertial(name) for name in ESTIMATORS},
-    "kalman": Fine(),
-    "kalman-velocity": Fine(12, "velocity"),
-    "kalman-10": Fine(10, "velocity"),
-    "kalman-force": Fine(12, "force"),
-    "kalman-large": Fine(azimuth="large"),
-    "gyrocompass": Gyrocompass(),
-    "analytic": Analytic(),
-    "analytic-earth-rate": Analytic("earth-rate"),
-}
+def _presets() -> dict[str, Method]:
+    return {
+        "auto": Auto(),
+        **{name: Inertial(name) for name in ESTIMATORS},
+        "kalman": KalmanAlignment(),
+        "kalman-velocity": KalmanAlignment(12, "velocity"),
+        "kalman-10": KalmanAlignment(10, "velocity"),
+        "kalman-force": KalmanAlignment(12, "force"),
+        "kalman-large": KalmanAlignment(azimuth="large"),
+        "gyrocompass": Gyrocompass(),
+        "analytic": Analytic(),
+        "analytic-earth-rate": Analytic("earth-rate"),
+    }
 
 
-def parse_method(method: str | Method | None) -> Method:
-    """Return the method of a name (`METHODS`); None is the default, auto.
-
-    Raises
-    ------
-    InputError
-        For an unknown name.
-    """
-    if method is None:
-        return Auto()
-    if isinstance(method, (Inertial, Analytic, Auto, Fine, Gyrocompass)):
-        return method
-    found = METHODS.get(str(method).strip().lower())
-    if found is None:
-        raise InputError(f"unknown method '{method}'; the methods are {', '.join(METHODS)}")
-    return found
+#: the names of the command line, of scenario files and of JSON
+METHODS: Registry[Method] = Registry(
+    "method", Method, "schuler.methods", _presets, {"prefilter": parse_prefilter}
+)
 
 
-#: the names of the command line
-PREFILTERS = (
-    "emd", "gate", "gate-printed", "hankel", "lowpass", "lowpass-zero-phase", "wavelet",
-)  # fmt: skip
-
-
-def parse_prefilter(name: str | None, gravity: float) -> Prefilter | None:
-    """Return the prefilter of a name (`PREFILTERS`) with its defaults; None is none.
+def parse_method(method: Any = None) -> Method:
+    """Return a method.
 
     Parameters
     ----------
-    name : str or None
-    gravity : float
-        m/s^2, for the gate.
+    method : str, mapping or Method, optional
+        A name of `METHODS` with options where they are wanted, as ``"kalman(states=12)"``, or a
+        table with name and options; None is the default, auto.
 
     Raises
     ------
     InputError
-        For an unknown name.
+        For an unknown name or option.
+
+    Examples
+    --------
+    >>> parse_method("kalman(12, velocity, step=2 s)").to_table()
+    {'name': 'kalman-velocity', 'options': {'step': 2.0}}
     """
-    if name is None or name.strip().lower() == "none":
-        return None
-    from schuler.prefilter import Emd, Gate, Hankel, LowPass, Wavelet
-
-    known: dict[str, Prefilter] = {
-        "emd": Emd(),
-        "gate": Gate(gravity),
-        "gate-printed": Gate(gravity, two_sided=False),
-        "hankel": Hankel(),
-        "lowpass": LowPass(),
-        "lowpass-zero-phase": LowPass(zero_phase=True),
-        "wavelet": Wavelet(),
-    }
-    found = known.get(name.strip().lower())
-    if found is None:
-        raise InputError(f"unknown prefilter '{name}'; the prefilters are {', '.join(PREFILTERS)}")
-    return found
-
-
-def with_prefilter(method: Method, prefilter: Prefilter | None) -> Method:
-    """Return the method with another prefilter."""
-    return replace(method, prefilter=prefilter)
+    if method is None:
+        return Auto()
+    if isinstance(method, Method):
+        return method
+    return METHODS.from_table(method) if isinstance(method, dict) else METHODS.parse(str(method))

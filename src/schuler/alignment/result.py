@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from schuler._notebook import Shown, bar, card
 from schuler.alignment.history import History
-from schuler.alignment.methods import Method
-from schuler.alignment.stationary.kalman import FinePass
+from schuler.alignment.method import Method
+from schuler.alignment.stationary.kalman import FilterHistory
 from schuler.attitude import heading_sigma, psi_to_heading, quat_to_euler
 from schuler.constants import ARCMIN, DEG
 from schuler.earth import Site
@@ -27,7 +27,7 @@ __all__ = ["AXES", "SCHEMA", "Alignment"]
 
 Array = NDArray[np.float64]
 
-SCHEMA = "schuler.alignment/2"
+SCHEMA = "schuler.alignment/3"
 AXES = ("east", "north", "up")
 
 NO_HEADING = 10.0
@@ -46,7 +46,7 @@ class Alignment(Shown):
 
     Parameters
     ----------
-    method : Inertial or Analytic
+    method : Method
     site : Site
     start, end : float
         The span that was used, s in the record's time.
@@ -54,7 +54,7 @@ class Alignment(Shown):
         Samples used.
     at : {"start", "end"}
         The instant of the attitude.
-    quaternion : (4,) float64
+    quat_nb : (4,) float64
         q_b^n, scalar first.
     covariance : (3, 3) float64
         Of phi (east, north, up), rad^2: the sum of the budget.
@@ -81,7 +81,7 @@ class Alignment(Shown):
         What the record looks like.
     why : str
         Why the method was chosen, where it was.
-    passed : FinePass or None
+    filter_history : FilterHistory or None
         What a Kalman filter said after each step.
     inputs : dict of str to str
         What is needed to do the same again.
@@ -93,7 +93,7 @@ class Alignment(Shown):
     end: float
     samples: int
     at: str
-    quaternion: Array
+    quat_nb: Array
     covariance: Array
     budget: dict[str, Array]
     bound: Array | None
@@ -106,7 +106,7 @@ class Alignment(Shown):
     history: History = field(repr=False)
     summary: Summary = field(repr=False)
     why: str = ""
-    passed: FinePass | None = field(default=None, repr=False)
+    filter_history: FilterHistory | None = field(default=None, repr=False)
     contradictions: tuple[str, ...] = ()
     inputs: dict[str, str] = field(default_factory=dict, repr=False)
 
@@ -147,22 +147,22 @@ class Alignment(Shown):
         """C_b^n as a `scipy.spatial.transform.Rotation`."""
         from schuler.attitude import to_scipy
 
-        return to_scipy(self.quaternion)
+        return to_scipy(self.quat_nb)
 
     @property
     def heading_deg(self) -> float:
         """Heading, clockwise from north in [0, 360), deg."""
-        return float(psi_to_heading(quat_to_euler(self.quaternion)[0])) / DEG
+        return float(psi_to_heading(quat_to_euler(self.quat_nb)[0])) / DEG
 
     @property
     def pitch_deg(self) -> float:
         """Pitch, deg."""
-        return float(quat_to_euler(self.quaternion)[1]) / DEG
+        return float(quat_to_euler(self.quat_nb)[1]) / DEG
 
     @property
     def roll_deg(self) -> float:
         """Roll, deg."""
-        return float(quat_to_euler(self.quaternion)[2]) / DEG
+        return float(quat_to_euler(self.quat_nb)[2]) / DEG
 
     @property
     def sigma_arcmin(self) -> Array:
@@ -181,7 +181,7 @@ class Alignment(Shown):
         It is that of phi about up where the body is level; with a pitch theta the tilts enter by
         tan(theta). No larger than that of an unknown angle, 104 deg.
         """
-        return heading_sigma(self.quaternion, self.covariance) / ARCMIN
+        return heading_sigma(self.quat_nb, self.covariance) / ARCMIN
 
     @property
     def limit_arcmin(self) -> Array | None:
@@ -194,7 +194,7 @@ class Alignment(Shown):
         return {name: float(cov[2, 2]) / ARCMIN**2 for name, cov in self.budget.items()}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result with the keys of the JSON schema `schuler.alignment/2`.
+        """Return the result with the keys of the JSON schema `schuler.alignment/3`.
 
         The heading is null where its sigma is above 60 deg.
         """
@@ -215,7 +215,7 @@ class Alignment(Shown):
             "schema": SCHEMA,
             "consistent": self.consistent,
             "contradictions": list(self.contradictions),
-            "method": str(self.method),
+            "method": self.method.to_table(),
             "time": {
                 "start": self.start,
                 "end": self.end,
@@ -226,14 +226,14 @@ class Alignment(Shown):
             "heading_sigma_arcmin": self.heading_sigma_arcmin,
             "pitch_deg": self.pitch_deg,
             "roll_deg": self.roll_deg,
-            "quaternion_wxyz": [float(v) for v in self.quaternion],
+            "quaternion_wxyz": [float(v) for v in self.quat_nb],
             "sigma_arcmin": named(self.sigma_arcmin),
             "limit_arcmin": named(self.limit_arcmin),
             "budget_arcmin2": self.budget_arcmin2,
             "gyro_bias_deg_h": plain(self.gyro_bias, DEG_PER_HOUR),
             "gyro_bias_sigma_deg_h": plain(None if sigma is None else sigma[:3], DEG_PER_HOUR),
-            "accel_bias_ug": plain(self.accel_bias, MICRO_G),
-            "accel_bias_sigma_ug": plain(None if sigma is None else sigma[3:], MICRO_G),
+            "accelerometer_bias_ug": plain(self.accel_bias, MICRO_G),
+            "accelerometer_bias_sigma_ug": plain(None if sigma is None else sigma[3:], MICRO_G),
             "warnings": list(self.warnings),
             "assumed": [v for k, v in self.inputs.items() if k.startswith("assumed ")],
         }
@@ -274,7 +274,7 @@ class Alignment(Shown):
         if sigma > NO_HEADING * 60.0:
             return f"no heading (sigma {sigma / 60.0:.0f} deg)"
         if abs(self.pitch_deg) > STEEP:
-            psi, _, gamma = (float(v) / DEG for v in quat_to_euler(self.quaternion))
+            psi, _, gamma = (float(v) / DEG for v in quat_to_euler(self.quat_nb))
             # Both turn about the vertical: what is left of them is one angle.
             sign = -1.0 if self.pitch_deg > 0 else 1.0
             return (

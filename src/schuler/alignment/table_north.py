@@ -207,7 +207,7 @@ def table_north(
         amplitude * np.sin(theta - north), np.ones(len(theta)), np.cos(theta - north),
     ])[:, : 2 if latitude is not None else 3]  # fmt: skip
     free = len(means) - slope.shape[1]
-    # The scatter about the cosine is the honest noise of a mean, where there is any to judge by.
+    # The scatter about the cosine shows the noise of a mean, where there is any to judge by.
     within = float(np.mean(sigmas**2))
     variance = max(float(residuals @ residuals) / free, within) if free > 0 else within
     covariance = np.zeros((3, 3))

@@ -12,7 +12,7 @@ import numpy as np
 
 from schuler._notebook import Shown
 from schuler.alignment.aligner import Aligner
-from schuler.alignment.methods import Method
+from schuler.alignment.method import Method
 from schuler.alignment.result import Alignment
 from schuler.constants import DEG
 from schuler.earth import Site
@@ -67,7 +67,7 @@ class Windows(Shown):
                     "heading_deg": w.heading_deg,
                     "pitch_deg": w.pitch_deg,
                     "roll_deg": w.roll_deg,
-                    "sigma_heading_arcmin": float(w.sigma_arcmin[2]),
+                    "heading_sigma_arcmin": float(w.sigma_arcmin[2]),
                 }
                 for w in self.each
             ],

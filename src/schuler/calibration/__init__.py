@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from schuler.calibration.apply import Calibration
-from schuler.calibration.poses import PosesFit, calibrate_poses, find_dwells
+from schuler.calibration.poses import PosesFit, calibrate_poses, find_rests
 from schuler.calibration.systematic import NAMES as SYSTEMATIC_NAMES
 from schuler.calibration.systematic import SystematicFit, calibrate_systematic
 from schuler.calibration.turntable import TableFit, combine, rate_test, scheme, static_test
@@ -17,7 +17,7 @@ __all__ = [
     "calibrate_poses",
     "calibrate_systematic",
     "combine",
-    "find_dwells",
+    "find_rests",
     "rate_test",
     "scheme",
     "static_test",

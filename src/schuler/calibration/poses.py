@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import permutations, product
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,7 +23,7 @@ from schuler.calibration.apply import Calibration
 from schuler.constants import DEG
 from schuler.errors import InputError
 
-__all__ = ["PosesFit", "calibrate_poses", "find_dwells"]
+__all__ = ["PosesFit", "calibrate_poses", "find_rests"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -82,8 +83,42 @@ class PosesFit:
         """Root mean square of |f| - gravity over the poses used, m/s^2."""
         return float(np.sqrt(np.mean(self.residual[self.used] ** 2)))
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result with the keys of the JSON schema `schuler.calibrate-poses/2`."""
+        c = self.calibration
+        out: dict[str, Any] = {
+            "schema": "schuler.calibrate-poses/2",
+            "input": c.input,
+            "poses": len(self.dwells),
+            "used": int(self.used.sum()),
+            "gravity_m_s2": self.gravity,
+            "residual_rms_m_s2": self.rms,
+            "residual_m_s2": self.residual.tolist(),
+            "accelerometer": {
+                "bias": c.accel_bias.tolist(), "matrix": c.accel_matrix.tolist(),
+                "bias_sigma": c.sigma["accel_bias"].tolist(),
+                "matrix_sigma": c.sigma["accel_matrix"].tolist(),
+            },
+            "gyro": None,
+            "turn_error_rms_deg": None,
+            "turn_error_before_rms_deg": None,
+            "unseen": self.unseen,
+            "remarks": list(self.remarks),
+        }  # fmt: skip
+        if self.turn_error.size:
+            out["gyro"] = {
+                "bias": c.gyro_bias.tolist(), "matrix": c.gyro_matrix.tolist(),
+                "matrix_sigma": c.sigma["gyro_matrix"].tolist(),
+            }  # fmt: skip
+            for key, values in (
+                ("turn_error_rms_deg", self.turn_error),
+                ("turn_error_before_rms_deg", self.turn_error_before),
+            ):
+                out[key] = float(np.rad2deg(np.sqrt(np.mean(values**2))))
+        return out
 
-def find_dwells(
+
+def find_rests(
     time: ArrayLike, accel: ArrayLike, gyro: ArrayLike | None = None, *, window: float = 0.4,
     initial: float = 1.0, factor: float = 5.0, shortest: float = 1.0,
 ) -> Index:  # fmt: skip
@@ -200,9 +235,7 @@ def calibrate_poses(
     if len(t) > 1 and not (np.diff(t) > 0).all():
         row = int(np.flatnonzero(~(np.diff(t) > 0))[0])
         raise InputError(f"time: row {row + 2} does not come after the row before")
-    found = (
-        find_dwells(t, f, w, initial=initial) if dwells is None else np.asarray(dwells, np.int64)
-    )
+    found = find_rests(t, f, w, initial=initial) if dwells is None else np.asarray(dwells, np.int64)
     means = np.array([f[a:b].mean(axis=0) for a, b in found])
     spread_of_mean = [f[a:b].std(axis=0).mean() / np.sqrt(b - a) for a, b in found]
     x, cov, used, residual = _fit_forces(means, gravity, float(np.mean(spread_of_mean or [0.0])))

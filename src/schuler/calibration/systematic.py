@@ -14,6 +14,7 @@ the accelerometers' matrix are zero by that choice).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -66,6 +67,18 @@ class SystematicFit:
     covariance: Array
     unseen: list[str]
     nis: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result with the keys of the JSON schema `schuler.calibrate-systematic/1`."""
+        return {
+            "schema": "schuler.calibrate-systematic/1",
+            "values": {
+                name: {"value": float(v), "sigma": float(s)}
+                for name, v, s in zip(NAMES, self.value, self.sigma, strict=True)
+            },
+            "unseen": self.unseen,
+            "mean_squared_innovation": float(self.nis),
+        }
 
 
 def calibrate_systematic(

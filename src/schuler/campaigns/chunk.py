@@ -114,11 +114,10 @@ def _row(fix: Alignment, made: Simulation) -> dict[str, Any]:
     from schuler.attitude import euler_to_quat, multiply, psi_to_heading, quat_to_rotvec
     from schuler.constants import DEG
 
-    truth = made.truth
-    euler = truth.euler_at(round((fix.time - truth.start) / truth.step))
+    euler = made.euler_at(round((fix.time - made.start) / made.step))
     back = euler_to_quat(euler) * [1.0, -1.0, -1.0, -1.0]
     # C_est = (I - [phi x]) C_true turns by -phi.
-    phi = -quat_to_rotvec(multiply(fix.quaternion, back))
+    phi = -quat_to_rotvec(multiply(fix.quat_nb, back))
     off = fix.heading_deg * DEG - float(psi_to_heading(euler[0]))
     sigma = np.sqrt(np.diag(fix.covariance))
     limit = np.full(3, np.nan) if fix.bound is None else np.sqrt(np.diag(fix.bound))

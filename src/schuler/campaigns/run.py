@@ -42,6 +42,19 @@ class Results:
     resumed: int = 0
     notes: tuple[str, ...] = ()
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the summary with the keys of the JSON schema `schuler.campaign/2`."""
+        scenario = self.campaign.scenario
+        return {
+            "schema": "schuler.campaign/2",
+            "scenario": scenario.name,
+            "scenario_sha256": scenario.digest,
+            "seed": scenario.seed,
+            "runs": self.campaign.runs,
+            "results": str(self.path),
+            "points": [scatter.to_dict() for scatter in self.scatters()],
+        }
+
     def scatters(self) -> list[Scatter]:
         """Return how the errors scatter, for each place of the sweep and each method."""
         point = self.table.column("point").to_numpy()

@@ -17,7 +17,7 @@ __all__ = ["FALSE_ALARM", "Scatter"]
 Array = NDArray[np.float64]
 
 FALSE_ALARM = 0.01
-"""An honest covariance leaves the band of the NEES so often."""
+"""A consistent covariance leaves the band of the NEES so often."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Scatter(Shown):
     phi, sigma, limit : (n, 3) float64
         Misalignment, its stated 1 sigma, and the Cramér-Rao limit: east, north, up, rad.
     nees : (n,) float64
-        phi weighted by the inverse of its stated covariance: 3 in the mean if that is honest.
+        phi weighted by the inverse of its stated covariance: 3 in the mean if that is consistent.
     heading_error : (n,) float64
         rad.
     """
@@ -90,19 +90,19 @@ class Scatter(Shown):
 
     @property
     def nees_ratio(self) -> float:
-        """Mean NEES over 3: 1 for an honest covariance, above 1 where sigma promises too much."""
+        """Mean NEES over 3: 1 for a consistent covariance, above 1 where sigma is too small."""
         return float(np.mean(self.nees)) / 3.0
 
     @property
     def nees_band(self) -> tuple[float, float]:
-        """Where `nees_ratio` lies in 99 of 100 cases if the covariance is honest."""
+        """Where `nees_ratio` lies in 99 of 100 cases if the covariance is consistent."""
         from scipy.stats import chi2
 
         n = 3 * self.runs
         return float(chi2.ppf(FALSE_ALARM / 2, n)) / n, float(chi2.isf(FALSE_ALARM / 2, n)) / n
 
     @property
-    def honest(self) -> bool:
+    def consistent(self) -> bool:
         """Whether `nees_ratio` lies in its band."""
         low, high = self.nees_band
         return low <= self.nees_ratio <= high
@@ -121,10 +121,10 @@ class Scatter(Shown):
             "mean_arcmin": self.mean,
             "std_arcmin": self.std,
             "rms_arcmin": self.rms,
-            "sigma_arcmin": self.predicted,
+            "heading_sigma_arcmin": self.predicted,
             "limit_arcmin": self.bound,
             "rms_over_limit": self.ratio,
             "nees_over_3": self.nees_ratio,
             "nees_over_3_band": list(self.nees_band),
-            "honest": self.honest,
+            "consistent": self.consistent,
         }

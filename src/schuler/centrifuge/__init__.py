@@ -10,8 +10,9 @@ from schuler.centrifuge.objective import (
     judge,
     time_to_reach,
 )
-from schuler.centrifuge.plan import Limits, Plan, Problem, evaluate, explore, plan
+from schuler.centrifuge.plan import AngleLimits, Plan, Problem, evaluate_positions, explore, plan
 from schuler.centrifuge.plant import (
+    PUBLISHED_ESTIMATES,
     PUBLISHED_POSITIONS,
     PUBLISHED_TRUTH,
     Plant,
@@ -24,11 +25,12 @@ from schuler.centrifuge.plant import (
 
 __all__ = [
     "OBJECTIVES",
+    "PUBLISHED_ESTIMATES",
     "PUBLISHED_POSITIONS",
     "PUBLISHED_TRUTH",
+    "AngleLimits",
     "Ekf",
     "Judgement",
-    "Limits",
     "Objective",
     "Plan",
     "Plant",
@@ -37,7 +39,7 @@ __all__ = [
     "coefficient_names",
     "coefficient_units",
     "direct_information",
-    "evaluate",
+    "evaluate_positions",
     "explore",
     "fit_platform",
     "judge",

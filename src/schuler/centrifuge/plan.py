@@ -27,17 +27,26 @@ from schuler.centrifuge.plant import PUBLISHED_POSITIONS, Plant, Tables, positio
 from schuler.constants import DEG
 from schuler.errors import InputError, SchulerError
 
-__all__ = ["METHODS", "Limits", "Plan", "Problem", "evaluate", "explore", "plan", "run_round"]
+__all__ = [
+    "SEARCHES",
+    "AngleLimits",
+    "Plan",
+    "Problem",
+    "evaluate_positions",
+    "explore",
+    "plan",
+    "run_round",
+]
 
 Array = NDArray[np.float64]
 
-METHODS = ("cma", "de", "ga")
+SEARCHES = ("cma", "de", "ga")
 _GRID_LARGEST = 1300
 HOPELESS = 1e6
 
 
 @dataclass(frozen=True)
-class Limits:
+class AngleLimits:
     """Where the angles may lie: lowest and highest, deg; 0 to 360 is the whole circle."""
 
     alpha: tuple[float, float] = (0.0, 360.0)
@@ -92,7 +101,7 @@ class Problem:
     dwell : float
         At each, s.
     objective : Objective
-    limits : Limits
+    limits : AngleLimits
     method : {"cma", "de", "ga"}
     whole : bool
         Whole degrees only.
@@ -102,15 +111,15 @@ class Problem:
     positions: int = 6
     dwell: float = 20.0
     objective: Objective = field(default_factory=Objective)
-    limits: Limits = field(default_factory=Limits)
+    limits: AngleLimits = field(default_factory=AngleLimits)
     method: str = "cma"
     whole: bool = True
 
     def __post_init__(self) -> None:
         if not 1 <= self.positions <= 60:
             raise InputError(f"a scheme has 1 to 60 positions, got {self.positions}")
-        if self.method not in METHODS:
-            raise InputError(f"unknown method '{self.method}'; known: {', '.join(METHODS)}")
+        if self.method not in SEARCHES:
+            raise InputError(f"unknown method '{self.method}'; known: {', '.join(SEARCHES)}")
         if self.plant.d_oo:
             raise InputError("D_OO needs several levels of force, which a plan does not vary")
         self.plant.turns(self.dwell)
@@ -168,7 +177,7 @@ class Plan(Shown):
         }
 
 
-def evaluate(problem: Problem, schemes: Array) -> Array:
+def evaluate_positions(problem: Problem, schemes: Array) -> Array:
     """Return the objectives (m,) of schemes (m, p, 3), deg; `time` as largest sigma / wanted."""
     from schuler.kernels.scheme import scheme_values
 
@@ -423,7 +432,7 @@ def _finish(
     def value(scheme: Array) -> float:
         if name == "time":
             return time_to_reach(problem.plant, scheme, problem.objective)
-        return float(evaluate(problem, scheme[None])[0])
+        return float(evaluate_positions(problem, scheme[None])[0])
 
     own = judge(problem.plant, positions, problem.dwell)
     return Plan(

@@ -19,6 +19,7 @@ from schuler.constants import ARCSEC, DEG, DEG_PER_HOUR, EARTH_RATE
 from schuler.errors import InputError
 
 __all__ = [
+    "PUBLISHED_ESTIMATES",
     "PUBLISHED_POSITIONS",
     "PUBLISHED_TRUTH",
     "Plant",
@@ -69,6 +70,15 @@ def coefficient_units(d_oo: bool = False) -> tuple[tuple[str, ...], Array]:
     names = [u for u in (*gyro, *_ACCEL_UNITS) for _ in "xyz"] + ["arcsec"] * 3
     factor = {"d": DEG_PER_HOUR, "u": 1e-6, "a": ARCSEC}
     return tuple(names), np.array([factor[name[0]] for name in names])
+
+
+PUBLISHED_ESTIMATES = (
+    7.3807, 7.7628, 1.6111, 1.0800, 1.0305, 0.9357, 1.0896, 1.0171, 0.9500, 1.0739, 1.0325, 0.9269,
+    0.0603, 0.0603, 0.0606, 0.0606, 0.0609, 0.0603, 0.0448, 0.0462, 0.0451, 0.0446, 0.0451, 0.0447,
+    0.0445, 0.0455, 0.0458, 3499.83, 4249.09, 6310.41, 159.75, 100.22, 1101.31, 12.02, 12.02, 11.99,
+    2.99, 3.00, 3.01, 5.00, 4.98, 4.95, 304.98, 305.10, 259.95,
+)  # fmt: skip
+"""The document's estimates (its table 2), in the order of `coefficient_names`."""
 
 
 def published_truth() -> Array:

@@ -37,11 +37,11 @@ _MAP = {
         "plan": "Find the test that shows an instrument's coefficients best.",
         "array": "Say what an array of redundant gyros is worth.",
     },
-    "Go on by inertia": {
-        "navigate": "Navigate by inertia alone, from a known start.",
+    "Navigate": {
+        "navigate": "Navigate free-inertially, from a known start.",
         "rotation": "Say what turning the instrument does to its errors.",
     },
-    "Judge": {
+    "Simulate and validate": {
         "simulate": "Make a record, and its truth, from a scenario file.",
         "campaign": "Simulate and align many times: is sigma what it says?",
         "published": "Redo published experiments beside what was printed.",

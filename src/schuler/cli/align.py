@@ -24,7 +24,7 @@ from schuler.cli.common import (
     site_or_none,
 )
 from schuler.cli.completion import methods, prefilters, specs
-from schuler.cli.parameters import InputFile, Seconds
+from schuler.cli.parameters import InputFile, NamesOption, Seconds, method_names, prefilter_names
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,20 +41,21 @@ __all__ = ["command"]
 @site_options
 @click.option(
     "--method",
-    metavar="NAME",
+    cls=NamesOption,
+    names=method_names,
+    metavar="NAME(OPTIONS)",
     shell_complete=methods,
     default="auto",
     show_default=True,
-    help="auto (by what the record shows), centred, optimal, kalman, kalman-velocity, kalman-10, "
-    "kalman-force, kalman-large, gyrocompass, wahba, integral-triad, instants-triad, "
-    "position-wahba, position-triad, fitted-triad, fitted-position-triad, velocity-growth, "
-    "analytic or analytic-earth-rate.",
+    help="auto goes by what the record shows; options in brackets, as 'kalman(step=2 s)'.",
 )
 @click.option(
     "--prefilter",
-    metavar="NAME",
+    cls=NamesOption,
+    names=prefilter_names,
+    metavar="NAME(OPTIONS)",
     shell_complete=prefilters,
-    help="emd, lowpass, lowpass-zero-phase, gate, gate-printed, hankel or wavelet; or none.",
+    help="One or a chain, as 'lowpass(0.05 Hz), gate(0.003)'; or none.",
 )
 @click.option(
     "--spec",
@@ -87,7 +88,7 @@ __all__ = ["command"]
 @json_option()
 @report_option("Write an interactive report.")
 def command(**options: Any) -> int:
-    """Find the heading, pitch and roll of a standing vehicle from FILE (- : standard input).
+    """Find the heading, pitch and roll of a stationary vehicle from FILE (- : standard input).
 
     \b
       schuler align truck.imu --lat 34.246 --lon 108.91 --height 380
@@ -98,9 +99,8 @@ def command(**options: Any) -> int:
         Aligner,
         align_windows,
         parse_method,
-        parse_prefilter,
-        with_prefilter,
     )
+    from schuler.prefilter import parse_prefilter
     from schuler.sensors import load_spec
 
     name, prefilter, spec, at = (options.pop(k) for k in ("method", "prefilter", "spec", "at"))
@@ -126,7 +126,9 @@ def command(**options: Any) -> int:
     site = site_or_none(options, source)
     if site is None:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
-    method = with_prefilter(parse_method(name), parse_prefilter(prefilter, site.gravity))
+    method = parse_method(name)
+    if prefilter is not None:
+        method = method.with_prefilter(parse_prefilter(prefilter))
     if report_to is not None:
         from schuler.reports.page import graph_objects
 

@@ -126,7 +126,7 @@ def poses(**options: Any) -> None:
     if out is not None:
         fit.calibration.to_toml(out)
     if json_to is not None:
-        emit_json(_poses_json(fit, said), json_to)
+        emit_json({**fit.to_dict(), "gravity_from": said}, json_to)
     if report_to is not None:
         from schuler.reports.calibrate import poses_report
 
@@ -185,38 +185,6 @@ def _table(path: str) -> Any:
     return data
 
 
-def _poses_json(fit: PosesFit, gravity_from: str) -> dict[str, Any]:
-    import numpy as np
-
-    c = fit.calibration
-    turns = fit.turn_error.size
-    out: dict[str, Any] = {
-        "schema": "schuler.calibrate-poses/1",
-        "input": c.input,
-        "poses": len(fit.dwells),
-        "used": int(fit.used.sum()),
-        "gravity_m_s2": fit.gravity,
-        "gravity_from": gravity_from,
-        "residual_rms_m_s2": fit.rms,
-        "residual_m_s2": fit.residual.tolist(),
-        "accel": {"bias": c.accel_bias.tolist(), "matrix": c.accel_matrix.tolist(),
-                  "bias_sigma": c.sigma["accel_bias"].tolist(),
-                  "matrix_sigma": c.sigma["accel_matrix"].tolist()},
-        "gyro": None,
-        "turn_error_rms_deg": None,
-        "turn_error_before_rms_deg": None,
-        "unseen": fit.unseen,
-        "remarks": list(fit.remarks),
-    }  # fmt: skip
-    if turns:
-        out["gyro"] = {"bias": c.gyro_bias.tolist(), "matrix": c.gyro_matrix.tolist(),
-                       "matrix_sigma": c.sigma["gyro_matrix"].tolist()}  # fmt: skip
-        for key, values in (("turn_error_rms_deg", fit.turn_error),
-                            ("turn_error_before_rms_deg", fit.turn_error_before)):  # fmt: skip
-            out[key] = float(np.rad2deg(np.sqrt(np.mean(values**2))))
-    return out
-
-
 def _print_poses(fit: PosesFit, gravity_from: str) -> None:
     import numpy as np
 
@@ -263,7 +231,7 @@ def systematic(**options: Any) -> None:
       schuler calibrate systematic turns.csv --lat 48 --spec navigation-fog --out mine.toml
     """  # noqa: D301
     from schuler.alignment import Aligner
-    from schuler.calibration import SYSTEMATIC_NAMES, calibrate_systematic
+    from schuler.calibration import calibrate_systematic
     from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G
     from schuler.record import ImuRecord
     from schuler.sensors import load_spec
@@ -289,22 +257,11 @@ def systematic(**options: Any) -> None:
         "gyro_bias_prior": max(3.0 * spec.gyro.bias, 0.01 * DEG_PER_HOUR),
         "accel_bias_prior": max(3.0 * spec.accelerometer.bias, 10.0 * MICRO_G),
     }
-    fit = calibrate_systematic(record, site, fix.quaternion, **settings)
+    fit = calibrate_systematic(record, site, fix.quat_nb, **settings)
     if out is not None:
         fit.calibration.to_toml(out)
     if json_to is not None:
-        emit_json(
-            {
-                "schema": "schuler.calibrate-systematic/1",
-                "values": {
-                    name: {"value": float(v), "sigma": float(s)}
-                    for name, v, s in zip(SYSTEMATIC_NAMES, fit.value, fit.sigma, strict=True)
-                },
-                "unseen": fit.unseen,
-                "mean_squared_innovation": float(fit.nis),
-            },
-            json_to,
-        )
+        emit_json(fit.to_dict(), json_to)
     if wants_text():
         _print_systematic(fit)
     finish()
@@ -357,6 +314,7 @@ def centrifuge(**options: Any) -> None:
     import numpy as np
 
     from schuler.centrifuge import (
+        PUBLISHED_ESTIMATES,
         PUBLISHED_POSITIONS,
         Ekf,
         Plant,
@@ -428,12 +386,3 @@ def centrifuge(**options: Any) -> None:
             f"{own:>11} {error:>8}   {printed:10g} "
             f"{100 * (printed / row['published_true'] - 1):8.2f}"
         )
-
-
-#: the source's table 2, in the order of `coefficient_names`
-PUBLISHED_ESTIMATES = (
-    7.3807, 7.7628, 1.6111, 1.0800, 1.0305, 0.9357, 1.0896, 1.0171, 0.9500, 1.0739, 1.0325, 0.9269,
-    0.0603, 0.0603, 0.0606, 0.0606, 0.0609, 0.0603, 0.0448, 0.0462, 0.0451, 0.0446, 0.0451, 0.0447,
-    0.0445, 0.0455, 0.0458, 3499.83, 4249.09, 6310.41, 159.75, 100.22, 1101.31, 12.02, 12.02, 11.99,
-    2.99, 3.00, 3.01, 5.00, 4.98, 4.95, 304.98, 305.10, 259.95,
-)  # fmt: skip

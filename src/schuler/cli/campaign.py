@@ -1,4 +1,4 @@
-"""The command ``schuler campaign``: many runs of a scenario, and whether sigma is honest."""
+"""The command ``schuler campaign``: many runs of a scenario, and whether sigma is consistent."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ __all__ = ["command"]
 )  # fmt: skip
 @click.option("--seed", type=Count(0, 2**63), metavar="N", help="Another seed than the scenario's.")
 @click.option(
-    "--out", metavar="FOLDER", help="Where results go, and are gone on with (NAME.campaign).",
+    "--out", metavar="FOLDER", help="Where results go, and are resumed (NAME.campaign).",
 )  # fmt: skip
 @click.option(
     "--workers", type=Count(0, 1000), metavar="N",
@@ -86,26 +86,13 @@ def command(**options: Any) -> None:
     scatters = results.scatters()
     say_warnings(results.notes)
     if options["json_to"] is not None:
-        emit_json(_summary(results, scatters), options["json_to"])
+        emit_json(results.to_dict(), options["json_to"])
     if options["report_to"] is not None:
         from schuler.reports.campaign import campaign_report
 
         campaign_report(scatters, scenario.name, _inputs(results), options["report_to"])
     if wants_text():
         _print(results, scatters)
-
-
-def _summary(results: Results, scatters: list[Scatter]) -> dict[str, Any]:
-    campaign = results.campaign
-    return {
-        "schema": "schuler.campaign/1",
-        "scenario": campaign.scenario.name,
-        "scenario_sha256": campaign.scenario.digest,
-        "seed": campaign.scenario.seed,
-        "runs": campaign.runs,
-        "results": str(results.path),
-        "points": [scatter.to_dict() for scatter in scatters],
-    }
 
 
 def _inputs(results: Results) -> list[tuple[str, str]]:
@@ -137,7 +124,7 @@ def _print(results: Results, scatters: list[Scatter]) -> None:
     swept = bool(results.campaign.sweep)
     head = f"{'place':<{width}}  " if swept else ""
     echo(f"{head}{'method':<18}{'mean':>8}{'std':>8}{'rms':>8}{'sigma':>8}{'limit':>8}"
-               f"{'rms/lim':>9}{'NEES/3':>8}  honest within")  # fmt: skip
+               f"{'rms/lim':>9}{'NEES/3':>8}  consistent within")  # fmt: skip
     for s in scatters:
         place = f"{s.label:<{width}}  " if swept else ""
         low, high = s.nees_band

@@ -77,7 +77,7 @@ def methods(ctx: click.Context, param: click.Parameter, begun: str) -> list[Comp
 
 def prefilters(ctx: click.Context, param: click.Parameter, begun: str) -> list[CompletionItem]:
     """Complete the name of a prefilter."""
-    from schuler.alignment.methods import PREFILTERS
+    from schuler.prefilter import PREFILTERS
 
     return _matching(["none", *PREFILTERS], begun)
 

@@ -117,7 +117,7 @@ def command(**options: Any) -> None:
                 zip(("east", "north", "up"), map(float, found.sigma_arcmin), strict=True)
             ),
             "gyro_bias_deg_h": [float(v) / DEG_PER_HOUR for v in found.gyro_bias],
-            "accel_bias_ug": [float(v) / MICRO_G for v in found.accel_bias],
+            "accelerometer_bias_ug": [float(v) / MICRO_G for v in found.accel_bias],
         }
         for found in limits
     ]
@@ -134,7 +134,7 @@ def command(**options: Any) -> None:
         )
     if options["json_to"] is not None:
         data = {
-            "schema": "schuler.limit/1",
+            "schema": "schuler.limit/2",
             "spec": spec.name,
             "latitude_deg": site.lat,
             "positions": len(positions),
@@ -147,7 +147,7 @@ def command(**options: Any) -> None:
                 "pitch_deg": p.pitch_deg,
                 "roll_deg": p.roll_deg,
                 "dwell_s": p.dwell,
-                "sigma_up_arcmin": float(suggested.limit.sigma_arcmin[2]),
+                "heading_sigma_arcmin": float(suggested.limit.sigma_arcmin[2]),
             }
         emit_json(data, options["json_to"])
     if options["report_to"] is not None:
@@ -161,7 +161,7 @@ def command(**options: Any) -> None:
         for row in rows:
             sigma = row["sigma_arcmin"]
             gyro = " ".join(f"{v:8.3g}" for v in row["gyro_bias_deg_h"])
-            accel = " ".join(f"{v:8.3g}" for v in row["accel_bias_ug"])
+            accel = " ".join(f"{v:8.3g}" for v in row["accelerometer_bias_ug"])
             echo(
                 f"{row['time_s']:10.6g}  {sigma['east']:8.4g}'  {sigma['north']:8.4g}'  "
                 f"{sigma['up']:8.4g}'   {gyro}   {accel}"

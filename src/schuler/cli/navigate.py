@@ -1,4 +1,4 @@
-"""The command ``schuler navigate``: by inertia alone, from a start to an end."""
+"""The command ``schuler navigate``: by free-inertial navigation, from a start to an end."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from schuler.earth import Site
     from schuler.navigation import Evaluation, Navigator, Start
     from schuler.record import ImuRecord
-    from schuler.trajectory import Path
+    from schuler.trajectory import Trajectory
 
 __all__ = ["command"]
 
@@ -99,13 +99,13 @@ __all__ = ["command"]
 @json_option()
 @report_option("Write an interactive report.")
 def command(**options: Any) -> int:
-    """Navigate FILE by inertia alone (- : standard input), from a known start.
+    """Navigate FILE free-inertially (- : standard input), from a known start.
 
     \b
       schuler navigate flight.csv --lat 34.2 --lon 108.9 --height 100 --heading 40 --velocity 38,46,0
       schuler navigate truck.parquet --lat 34.2 --lon 108.9 --align 300s --reference truth.parquet
     """  # noqa: D301, E501
-    from schuler.io.reference import read_reference
+    from schuler.io.trajectory import read_trajectory, write_trajectory
     from schuler.navigation import Navigator, evaluate, parse_gravity, parse_vertical
     from schuler.sensors import load_spec
 
@@ -127,7 +127,7 @@ def command(**options: Any) -> int:
         from schuler.reports.page import graph_objects
 
         graph_objects()  # a missing library is said before the work, too
-    truth = read_reference(against) if against else None
+    truth = read_trajectory(against) if against else None
     source, finish = open_file(options)
     site = site_or_none(options, source)
     if site is None:
@@ -149,7 +149,7 @@ def command(**options: Any) -> int:
     path = navigator.path()
     evaluation = evaluate(path, truth) if truth is not None else None
     if out_to is not None:
-        path.write(out_to)
+        write_trajectory(path, out_to)
     if json_to is not None:
         emit_json(_data(path, navigator, source, fix, evaluation), json_to)
     if report_to is not None:
@@ -216,12 +216,12 @@ def _align(
 
 
 def _data(
-    path: Path, navigator: Navigator, source: Any, fix: Alignment | None,
+    path: Trajectory, navigator: Navigator, source: Any, fix: Alignment | None,
     evaluation: Evaluation | None,
 ) -> dict[str, Any]:  # fmt: skip
-    begin = type(path)(path.rows[:1]).final
+    begin = path.rows(slice(0, 1)).final
     return {
-        "schema": "schuler.navigation/1",
+        "schema": "schuler.navigation/2",
         "schuler": __version__,
         "file": str(source.path),
         "read_as": source.meaning,
@@ -235,14 +235,16 @@ def _data(
             "consistent": fix.consistent,
             "contradictions": list(fix.contradictions),
             "heading_deg": float(fix.heading_deg),
-            "sigma_arcmin": [float(v) for v in fix.sigma_arcmin],
+            "sigma_arcmin": dict(
+                zip(("east", "north", "up"), map(float, fix.sigma_arcmin), strict=True)
+            ),
         },
         "error": None if evaluation is None else evaluation.to_dict(),
     }  # fmt: skip
 
 
-def _print(path: Path, evaluation: Evaluation | None) -> None:
-    echo(f"{path.name}: {path.time[-1] - path.time[0]:.6g} s by inertia alone")
+def _print(path: Trajectory, evaluation: Evaluation | None) -> None:
+    echo(f"{path.name}: {path.time[-1] - path.time[0]:.6g} s by free-inertial navigation")
     echo(str(path))
     if evaluation is None:
         return

@@ -8,6 +8,7 @@ another output.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
 from pathlib import PurePath
 from typing import Any
 
@@ -195,3 +196,38 @@ def _expected(what: str, low: float, high: float, unit: str) -> str:
     if math.isinf(low):
         return f"expected a {what} of {high:g}{unit} or less"
     return f"expected a {what} from {low:g} to {high:g}{unit}"
+
+
+class NamesOption(click.Option):
+    """An option whose help ends with names that are looked up when help is asked for.
+
+    Parameters
+    ----------
+    names : callable
+        Returns them.
+    """
+
+    def __init__(self, *args: Any, names: Callable[[], Iterable[str]], **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._names = names
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        """Return the option and its help with the names."""
+        record = super().get_help_record(ctx)
+        if record is None:
+            return None
+        return record[0], f"{record[1]} Names: {', '.join(self._names())}."
+
+
+def method_names() -> list[str]:
+    """Return the names of the alignment methods."""
+    from schuler.alignment.methods import METHODS
+
+    return list(METHODS)
+
+
+def prefilter_names() -> list[str]:
+    """Return the names of the prefilters."""
+    from schuler.prefilter.registry import PREFILTERS
+
+    return list(PREFILTERS)

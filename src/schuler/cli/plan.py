@@ -97,14 +97,14 @@ def centrifuge(**options: Any) -> None:
       schuler plan centrifuge --positions 6 --dwell 20s --time-limit 60s --seed 0 --json -
       schuler plan centrifuge --positions 4-12 --total 120s --time-limit 20s --report trade.html
     """  # noqa: D301
-    from schuler.centrifuge import Limits, Objective, Plant, Problem, explore, plan
+    from schuler.centrifuge import AngleLimits, Objective, Plant, Problem, explore, plan
 
     counts = _counts(options["positions"])
     if options["report_to"] is not None:
         from schuler.reports.page import graph_objects
 
         graph_objects()
-    limits = Limits(*(_pair(options[key], key) for key in ("alpha", "beta", "gamma")))
+    limits = AngleLimits(*(_pair(options[key], key) for key in ("alpha", "beta", "gamma")))
     plant = Plant(
         force=options["force"], rate=options["rate"], latitude=options["lat"],
         noise=options["noise"],
@@ -190,7 +190,7 @@ def _resumed(path: str, problem: Any) -> dict[str, Any]:
     import numpy as np
 
     from schuler._files import parse_json
-    from schuler.centrifuge import evaluate
+    from schuler.centrifuge import evaluate_positions
 
     try:
         data = parse_json(Path(path).read_bytes())
@@ -210,5 +210,5 @@ def _resumed(path: str, problem: Any) -> dict[str, Any]:
         raise InputError(
             f"{path}: is a plan of another number of positions, dwell or objective; say the same"
         )
-    value = float(evaluate(problem, positions[None])[0])
+    value = float(evaluate_positions(problem, positions[None])[0])
     return {"first_round": first, "best": (value, positions)}

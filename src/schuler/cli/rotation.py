@@ -95,9 +95,9 @@ def _print(data: dict[str, Any]) -> None:
 )
 @click.option("--dwell", type=Seconds(0.0, 1e6), metavar="TIME", help="Of a named scheme.")
 @json_option("Write the averages as JSON (- : here).")
-def residual(**options: Any) -> None:
+def scheme_residual(**options: Any) -> None:
     """Say what a scheme leaves of each error on average."""
-    from schuler.modulation import residual as average
+    from schuler.modulation import scheme_residual as average
     from schuler.motion import SCHEMES, Limits, load_scheme, named_scheme
 
     name, rate, dwell = options["scheme"], options["rate"], options["dwell"]

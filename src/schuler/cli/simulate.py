@@ -48,7 +48,7 @@ def command(**options: Any) -> None:
     """  # noqa: D301
     from schuler.config import load_scenario, parse_overrides
     from schuler.io import write
-    from schuler.io.truth import truth_path, write_truth
+    from schuler.io.trajectory import truth_path, write_trajectory
 
     overrides = parse_overrides(options["overrides"])
     if options["seed"] is not None:
@@ -66,8 +66,8 @@ def command(**options: Any) -> None:
     made = scenario.run(scenario.sequence(run))
     write(made.record, out)
     about = _about(scenario, made, run)
-    write_truth(made.truth, truth, {**about, "scenario": dict(scenario.data)})
-    about = {"schema": "schuler.simulation/1", "record": str(out), "truth": str(truth), **about}
+    write_trajectory(made.truth, truth, {**about, "scenario": dict(scenario.data)})
+    about = {"schema": "schuler.simulation/2", "record": str(out), "truth": str(truth), **about}
     if options["json_to"] is not None:
         emit_json(about, options["json_to"])
     if wants_text():
@@ -91,14 +91,14 @@ def _about(scenario: Scenario, made: Simulation, run: int | None) -> dict[str, A
         "height_m": scenario.site.height,
         "heading_deg": {at: made.heading_deg(at) for at in ("start", "end")},
         "gyro_bias_deg_h": [float(v) / DEG_PER_HOUR for v in made.gyro_bias],
-        "accel_bias_ug": [float(v) / MICRO_G for v in made.accel_bias],
+        "accelerometer_bias_ug": [float(v) / MICRO_G for v in made.accel_bias],
         "scenario_sha256": scenario.digest,
     }
 
 
 def _print(scenario: Scenario, about: dict[str, Any]) -> None:
     site, heading = scenario.site, about["heading_deg"]
-    gyro, accel = about["gyro_bias_deg_h"], about["accel_bias_ug"]
+    gyro, accel = about["gyro_bias_deg_h"], about["accelerometer_bias_ug"]
     seed = f"seed {about['seed']}" + ("" if about["run"] is None else f", run {about['run']}")
     echo(
         f"{about['name']}: {about['motion']}, {scenario.duration:g} s at {scenario.rate:g} Hz, "

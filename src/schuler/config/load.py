@@ -178,7 +178,7 @@ def _checked(
         gyro_bias=bias(file.biases.gyro),
         accel_bias=bias(file.biases.accelerometer),
         temperature_rate=file.temperature_rate,
-        methods=file.align.method,
+        methods=file.align.methods,
         at=file.align.at,
         align_spec=assumed,
         data=plain,

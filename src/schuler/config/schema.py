@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from schuler.alignment.methods import METHODS
+from schuler.alignment.methods import parse_method
 from schuler.config.motions import AnyMotion, Strict
 from schuler.config.quantities import (
     Acceleration,
@@ -19,6 +19,8 @@ from schuler.config.quantities import (
     TemperatureRate,
     as_table,
 )
+from schuler.errors import InputError
+from schuler.prefilter import parse_prefilter
 
 __all__ = ["MOST_SAMPLES", "ScenarioFile", "known_keys"]
 
@@ -33,15 +35,26 @@ def _three(value: Any) -> Any:
 
 
 def _methods(value: Any) -> Any:
-    names = [value] if isinstance(value, str) else value
-    if not isinstance(names, list | tuple) or not names:
-        raise ValueError("expected the name of a method or a list of names")
-    for name in names:
-        if name not in METHODS:
-            raise ValueError(f"unknown method {name!r}; the methods are {', '.join(METHODS)}")
+    """Return the texts of one method or of several, each a text or a table."""
+    given = value if isinstance(value, list | tuple) else [value]
+    if not given or not all(isinstance(each, str | dict) for each in given):
+        raise ValueError("expected a method or a list of methods, each a name or a table")
+    try:
+        names = [str(parse_method(each)) for each in given]
+    except InputError as error:
+        raise ValueError(str(error)) from None
     if len(set(names)) != len(names):
         raise ValueError("a method is named twice")
     return tuple(names)
+
+
+def _prefilter(value: Any) -> Any:
+    """Return the text of a prefilter or of a chain of them."""
+    try:
+        found = parse_prefilter(value)
+    except InputError as error:
+        raise ValueError(str(error)) from None
+    return None if found is None else str(found)
 
 
 class SiteTable(Strict):
@@ -67,12 +80,21 @@ class AlignTable(Strict):
     """What a campaign does with each record."""
 
     method: Annotated[tuple[str, ...], BeforeValidator(_methods)] = ("centred",)
+    prefilter: Annotated[str | None, BeforeValidator(_prefilter)] = None
     at: Literal["end", "start"] = "end"
     spec: Any = None
 
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """The methods with the prefilter of all."""
+        if self.prefilter is None:
+            return self.method
+        chain = parse_prefilter(self.prefilter)
+        return tuple(str(parse_method(name).with_prefilter(chain)) for name in self.method)
+
 
 class ScenarioFile(Strict):
-    """A scenario file; instruments are checked apart, by the room that knows them."""
+    """A scenario file; instruments are checked apart, by the module that knows them."""
 
     name: str | None = None
     about: str = ""

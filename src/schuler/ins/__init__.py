@@ -34,7 +34,7 @@ from schuler.ins.measurements import (
     ZeroRate,
     ZeroVelocity,
 )
-from schuler.ins.result import FilterHistory
+from schuler.ins.result import EpochHistory
 from schuler.ins.smoother import Epochs, Smoothed, smooth
 
 __all__ = [
@@ -42,9 +42,9 @@ __all__ = [
     "BodyVelocity",
     "ConstantBase",
     "CustomMeasurement",
+    "EpochHistory",
     "Epochs",
     "ErrorStateFilter",
-    "FilterHistory",
     "GroupNoise",
     "Handling",
     "Heading",

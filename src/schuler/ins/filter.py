@@ -13,7 +13,7 @@ from schuler.errors import InputError
 from schuler.ins.dynamics import ProcessNoise
 from schuler.ins.layout import Layout
 from schuler.ins.measurements import CustomMeasurement, Measurement, State, handled
-from schuler.ins.result import FilterHistory
+from schuler.ins.result import EpochHistory
 from schuler.ins.smoother import Epochs, Smoothed, smoothed
 from schuler.kernels import ins_layout as kernel
 from schuler.record import ImuRecord
@@ -412,10 +412,10 @@ class ErrorStateFilter:
         """Times that the covariance was widened because measurements were refused for long."""
         return int(self._state[kernel.RESETS])
 
-    def history(self) -> FilterHistory:
+    def history(self) -> EpochHistory:
         """Return what was estimated after each epoch."""
         columns = kernel.O_SIZE + 2 * self.layout.padded
-        return FilterHistory(self.layout, np.concatenate([np.zeros((0, columns)), *self._history]))
+        return EpochHistory(self.layout, np.concatenate([np.zeros((0, columns)), *self._history]))
 
     def innovations(self, aid: str) -> tuple[Array, Array, Array, Array]:
         """Return times (k,), innovations and their sigma (k, 3), and least weights (k,) of an aid.

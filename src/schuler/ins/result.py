@@ -1,4 +1,4 @@
-"""`FilterHistory`: what a filter estimated after each epoch."""
+"""`EpochHistory`: what a filter estimated after each epoch."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from schuler.ins.layout import Layout
 from schuler.kernels import ins_layout as kernel
 
-__all__ = ["FilterHistory"]
+__all__ = ["EpochHistory"]
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class FilterHistory:
+class EpochHistory:
     """Rows of a filter's output, one for each epoch.
 
     Parameters

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.ins.layout import Layout
-from schuler.ins.result import FilterHistory
+from schuler.ins.result import EpochHistory
 
 __all__ = ["Epochs", "Smoothed", "smooth", "smoothed"]
 
@@ -48,7 +48,7 @@ class Smoothed:
     quat_nb : (k, 4) float64
     v_n : (k, 3) float64
         m/s.
-    history : FilterHistory
+    history : EpochHistory
         Of the filter, without the start.
     """
 
@@ -57,7 +57,7 @@ class Smoothed:
     covariance: Array
     quat_nb: Array
     v_n: Array
-    history: FilterHistory
+    history: EpochHistory
 
     def sigma(self, group: str) -> Array:
         """Return 1 sigma of a group, (k, m)."""
@@ -81,7 +81,7 @@ def smooth(epochs: Epochs) -> tuple[Array, Array]:
 
 
 def smoothed(
-    layout: Layout, epochs: Epochs, history: FilterHistory, start: tuple[Array, Array]
+    layout: Layout, epochs: Epochs, history: EpochHistory, start: tuple[Array, Array]
 ) -> Smoothed:
     """Return the smoothed estimates of a filter's epochs.
 
@@ -90,7 +90,7 @@ def smoothed(
     layout : Layout
     epochs : Epochs
         The first one is the start.
-    history : FilterHistory
+    history : EpochHistory
         Rows of the others; they are filtered estimates, the nominal without x.
     start : (4,) and (3,) float64
         Attitude and velocity at the start.

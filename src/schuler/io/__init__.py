@@ -1,8 +1,9 @@
-"""Files in and out: one sample, one meaning, settled at this door.
+"""Files in and out: one sample has one meaning, settled on import.
 
 `read` gives a whole record, `open_source` a `Source` that is read in pieces or while it grows,
-`write` saves a record. Formats: text tables (CSV, TSV, semicolons, blanks), Parquet, NumPy's npz,
-MATLAB's mat, PSINS .imu, ROS bags, PX4 ULog, NovAtel SPAN, KF-GINS and plain float64 records;
+`write` saves a record; `read_trajectory` and `write_trajectory` are for trajectories. Formats: text
+tables (CSV, TSV, semicolons, blanks), Parquet, NumPy's npz, MATLAB's mat, PSINS .imu, ROS bags, PX4
+ULog, NovAtel SPAN, KF-GINS and plain float64 records;
 `readers` lists them, `register` adds one. Tables of pandas, xarray and pyins come in and go out in
 memory.
 """
@@ -18,6 +19,7 @@ from schuler.io.mapping import Mapping
 from schuler.io.registry import readers, register
 from schuler.io.source import Source
 from schuler.io.span import Span
+from schuler.io.trajectory import read_trajectory, write_trajectory
 from schuler.io.write import write
 from schuler.record import ImuRecord
 
@@ -31,10 +33,12 @@ __all__ = [
     "from_xarray",
     "open_source",
     "read",
+    "read_trajectory",
     "readers",
     "register",
     "to_pyins",
     "write",
+    "write_trajectory",
 ]
 
 

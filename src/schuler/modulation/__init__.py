@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from schuler.modulation.compare import (
-    Comparison,
     RotationCase,
+    RotationComparison,
     compare_rotation,
     strapdown_end,
 )
@@ -15,19 +15,19 @@ from schuler.modulation.propagation import (
     error_series,
     turned,
 )
-from schuler.modulation.residual import Residual, optimise_scheme, residual
+from schuler.modulation.residual import SchemeResidual, optimise_scheme, scheme_residual
 
 __all__ = [
-    "Comparison",
-    "Residual",
     "RotationCase",
+    "RotationComparison",
+    "SchemeResidual",
     "TriadErrors",
     "Turned",
     "compare_rotation",
     "end_errors",
     "error_series",
     "optimise_scheme",
-    "residual",
+    "scheme_residual",
     "strapdown_end",
     "turned",
 ]

@@ -15,12 +15,12 @@ from schuler.constants import DEG, DEG_PER_HOUR
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.modulation.propagation import TriadErrors, end_errors, turned
-from schuler.modulation.residual import residual
+from schuler.modulation.residual import scheme_residual
 from schuler.motion.rotation import Limits, Scheme, load_scheme, named_scheme
 from schuler.sensors import SensorArray, load_array
 from schuler.units import parse
 
-__all__ = ["Comparison", "RotationCase", "compare_rotation", "strapdown_end"]
+__all__ = ["RotationCase", "RotationComparison", "compare_rotation", "strapdown_end"]
 
 Array = NDArray[np.float64]
 
@@ -188,7 +188,7 @@ def _scheme(table: Any, what: str, folder: Path) -> Scheme:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison(Shown):
+class RotationComparison(Shown):
     """End errors over latitudes (p) and headings (q).
 
     Parameters
@@ -236,9 +236,9 @@ class Comparison(Shown):
             "equivalent_gyro_bias_deg_h": (np.asarray(e.gyro_bias) / DEG_PER_HOUR).tolist(),
             "schemes": {
                 "single_axis": {"name": case.single.name,
-                                **residual(case.single).to_dict(case.site.lat)},
+                                **scheme_residual(case.single).to_dict(case.site.lat)},
                 "two_axis": {"name": case.double.name,
-                             **residual(case.double).to_dict(case.site.lat)},
+                             **scheme_residual(case.double).to_dict(case.site.lat)},
             },
             "latitudes": [
                 {
@@ -256,7 +256,7 @@ class Comparison(Shown):
         }  # fmt: skip
 
 
-def compare_rotation(case: RotationCase) -> Comparison:
+def compare_rotation(case: RotationCase) -> RotationComparison:
     """Propagate a case's errors fixed, turned about one axis and about two.
 
     Raises
@@ -275,7 +275,7 @@ def compare_rotation(case: RotationCase) -> Comparison:
             f"{case.name}: these errors move the fixed instrument nowhere at some heading, so "
             "there is nothing to compare; give it a gyro or accelerometer bias"
         )
-    return Comparison(case, *ends)
+    return RotationComparison(case, *ends)
 
 
 def strapdown_end(
@@ -309,15 +309,14 @@ def strapdown_end(
     from schuler.kernels import strapdown
     from schuler.kernels.states import StrapdownOptions
     from schuler.motion import Static
-    from schuler.navigation.navigator import Start
+    from schuler.navigation.navigator import Start, local_rows
     from schuler.simulation import simulate
-    from schuler.trajectory import Path as Track
 
     if any(walks) and rng is None:
         raise InputError("random walks need a random generator: give rng")
     made = simulate(scheme.on(Static(case.heading)), case.site, case.duration, rate)
     r = made.record
-    state = Start(case.site, made.truth.quaternion[0]).state().data
+    state = Start(case.site, made.truth.known("quat_nb")[0]).state().data
     told = StrapdownOptions.zeros()
     told.gravity_model, told.vertical_mode = strapdown.SOMIGLIANA, strapdown.OFF
     told.held_height = case.site.height
@@ -336,9 +335,9 @@ def strapdown_end(
     with ThreadPoolExecutor(workers) as pool:
         for future in [pool.submit(work, a, b) for a, b in zip(shares, generators, strict=True)]:
             future.result()
-    place = Track(ends).position
+    place = local_rows(ends)
     rm, rn = (float(x) + case.site.height for x in radii(case.site.latitude))
-    lon = np.remainder(place[:, 1] - case.site.longitude + np.pi, 2 * np.pi) - np.pi
+    lon = np.remainder(place.lon - case.site.longitude + np.pi, 2 * np.pi) - np.pi
     return np.column_stack([
-        lon * rn * np.cos(case.site.latitude), (place[:, 0] - case.site.latitude) * rm,
+        lon * rn * np.cos(case.site.latitude), (place.lat - case.site.latitude) * rm,
     ])  # fmt: skip

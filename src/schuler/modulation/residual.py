@@ -19,13 +19,13 @@ from schuler.errors import InputError
 from schuler.motion.rotation import Limits, Scheme
 from schuler.motion.turntable import Dwell, Turn
 
-__all__ = ["Residual", "optimise_scheme", "residual"]
+__all__ = ["SchemeResidual", "optimise_scheme", "scheme_residual"]
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Residual:
+class SchemeResidual:
     """Averages over one period of a scheme.
 
     Parameters
@@ -79,7 +79,7 @@ class Residual:
         }  # fmt: skip
 
 
-def residual(scheme: Scheme, step: float = 0.25) -> Residual:
+def scheme_residual(scheme: Scheme, step: float = 0.25) -> SchemeResidual:
     """Average a scheme's errors over its period.
 
     Parameters
@@ -100,7 +100,7 @@ def residual(scheme: Scheme, step: float = 0.25) -> Residual:
     whole = (ends[:-1] + 4.0 * c + ends[1:]) / 6.0
     bias = whole.mean(axis=0)
     ripple = h * np.cumsum(whole - bias, axis=0)
-    return Residual(
+    return SchemeResidual(
         bias,
         np.einsum("nij,nk->ijk", c, w) / n,
         np.einsum("nij,nj->ij", c, np.abs(w)) / n,
@@ -110,7 +110,7 @@ def residual(scheme: Scheme, step: float = 0.25) -> Residual:
     )
 
 
-def _cost(found: Residual, weights: tuple[float, float, float, float]) -> float:
+def _cost(found: SchemeResidual, weights: tuple[float, float, float, float]) -> float:
     """Return a mean drift, rad/s: 1 sigma bias, scale factor, misalignment, asymmetry."""
     bias, scale, misalignment, asymmetry = weights
     diagonal = np.einsum("ijj->ij", found.matrix)
@@ -183,7 +183,11 @@ def optimise_scheme(
 
     def value(order: list[int]) -> tuple[float, Scheme | None]:
         scheme = build(order)
-        return (np.inf, None) if scheme is None else (_cost(residual(scheme, 2.0), weights), scheme)
+        return (
+            (np.inf, None)
+            if scheme is None
+            else (_cost(scheme_residual(scheme, 2.0), weights), scheme)
+        )
 
     best, best_scheme, current, now = np.inf, None, None, np.inf
     for k in range(tries):

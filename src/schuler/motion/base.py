@@ -45,7 +45,7 @@ class Track:
     levers: Array
 
     @property
-    def quaternion(self) -> Array:
+    def quat_nb(self) -> Array:
         """q_b^n (n, 4)."""
         q = euler_to_quat(self.angles[:, 0, :, 0])
         for k in range(1, self.angles.shape[1]):

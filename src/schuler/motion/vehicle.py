@@ -1,4 +1,4 @@
-"""A standing vehicle: engine idling, wind, crew at work, boarding, slamming doors.
+"""A stationary vehicle: engine idling, wind, crew at work, boarding, slamming doors.
 
 Everything is displacement-bounded. Boarding is a step of tilt and height that settles with the
 suspension's ringing; a slammed door is a push of a few milliseconds on the same suspension.

@@ -8,7 +8,7 @@ w_s +- w_ie sinL (the Foucault beat), one at the Earth's rate, a constant, and a
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,12 +18,8 @@ from schuler.attitude import multiply, psi_to_heading, quat_to_euler, quat_to_ro
 from schuler.constants import DEG
 from schuler.earth import gravity, radii
 from schuler.errors import InputError, expect
-from schuler.io.reference import Reference
 from schuler.navigation.error_model import error_matrix
-from schuler.trajectory import Path
-
-if TYPE_CHECKING:
-    from schuler.simulation import Truth
+from schuler.trajectory import Trajectory
 
 __all__ = ["Components", "Evaluation", "cep", "components", "evaluate", "schuler_rate"]
 
@@ -192,7 +188,7 @@ def _wrapped(angle: Array) -> Array:
     return np.asarray(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi)
 
 
-def evaluate(path: Path, reference: Reference | Truth) -> Evaluation:
+def evaluate(path: Trajectory, reference: Trajectory) -> Evaluation:
     """Compare a path with a reference at the reference's times.
 
     The path is interpolated between its rows (position with the velocity's cubic); give every row
@@ -200,27 +196,22 @@ def evaluate(path: Path, reference: Reference | Truth) -> Evaluation:
 
     Parameters
     ----------
-    path : Path
-    reference : Reference or Truth
-        As `schuler.io.read_reference` reads it, or the truth of a simulation.
+    path : Trajectory
+        With velocity and attitude, as `navigate` returns it.
+    reference : Trajectory
+        As `schuler.io.read_trajectory` reads it, or the truth of a simulation.
 
     Raises
     ------
     InputError
-        If the two have no time in common.
+        If the two have no time in common, or the path lacks velocity or attitude.
     """
     from scipy.interpolate import CubicHermiteSpline
 
-    from schuler.simulation import Truth
+    expect(path, Trajectory, "path", "give what schuler.navigate returns")
+    expect(reference, Trajectory, "reference", "read one with schuler.read_trajectory")
 
-    expect(path, Path, "path", "give what schuler.navigate returns")
-    if isinstance(reference, Truth):
-        reference = Reference(
-            reference.time, reference.position, reference.velocity, reference.quaternion, "truth"
-        )
-    expect(reference, Reference, "reference", "read one with schuler.io.read_reference")
-
-    t = path.time
+    t, v_n, quat_nb = path.time, path.known("v_n"), path.known("quat_nb")
     slack = 1e-6
     inside = (reference.time >= t[0] - slack) & (reference.time <= t[-1] + slack)
     if not np.any(inside):
@@ -237,25 +228,25 @@ def evaluate(path: Path, reference: Reference | Truth) -> Evaluation:
 
     lat, lon, height = path.position.T
     rm, rn = radii(lat)
-    rate = path.velocity / np.column_stack([(rn + height) * np.cos(lat), rm + height, 1 + 0 * rn])
+    rate = v_n / np.column_stack([(rn + height) * np.cos(lat), rm + height, 1 + 0 * rn])
     here = np.column_stack([lat, np.unwrap(lon), height])
     there = reference.position[inside]
-    place, speed, turn = here[near], path.velocity[near], path.quaternion[near]
+    place, speed, turn = here[near], v_n[near], quat_nb[near]
     if not np.all(exact):
         spline = CubicHermiteSpline(t, here, rate[:, [1, 0, 2]])
         place = np.where(exact[:, None], place, spline(when))
-        speed = np.column_stack([np.interp(when, t, v) for v in path.velocity.T])
-        turn = _between(t, path.quaternion, when, before, k)
+        speed = np.column_stack([np.interp(when, t, v) for v in v_n.T])
+        turn = _between(t, quat_nb, when, before, k)
     rm, rn = radii(there[:, 0])
     position = np.column_stack([
         _wrapped(place[:, 1] - there[:, 1]) * (rn + there[:, 2]) * np.cos(there[:, 0]),
         (place[:, 0] - there[:, 0]) * (rm + there[:, 2]),
         place[:, 2] - there[:, 2],
     ])  # fmt: skip
-    velocity = None if reference.velocity is None else speed - reference.velocity[inside]
+    velocity = None if reference.v_n is None else speed - reference.v_n[inside]
     phi = euler = None
-    if reference.quaternion is not None:
-        true = reference.quaternion[inside]
+    if reference.quat_nb is not None:
+        true = reference.quat_nb[inside]
         # C_true C_est^T = I + [phi x].
         phi = quat_to_rotvec(multiply(true, turn * [1.0, -1.0, -1.0, -1.0]))
         a, b = quat_to_euler(turn), quat_to_euler(true)

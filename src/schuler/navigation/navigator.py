@@ -10,11 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.attitude import euler_to_quat, heading_to_psi, nearest_quat
 from schuler.constants import DEG
-from schuler.earth import Site
+from schuler.earth import Site, radii
 from schuler.errors import InputError, expect
 from schuler.kernels.states import (
     ErrorNoise,
     ErrorStates,
+    LocalRow,
     PathRow,
     StrapdownOptions,
     StrapdownState,
@@ -22,7 +23,7 @@ from schuler.kernels.states import (
 from schuler.navigation.options import Gravity, Vertical, parse_gravity, parse_vertical
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec, SensorArray, load_array, load_spec
-from schuler.trajectory import Path
+from schuler.trajectory import Trajectory
 
 __all__ = ["Navigator", "Start", "frame_of", "navigate"]
 
@@ -33,7 +34,7 @@ class Fix(Protocol):
     """What a start needs of an alignment."""
 
     @property
-    def quaternion(self) -> Array:
+    def quat_nb(self) -> Array:
         """q_b^n, (4,)."""
 
     @property
@@ -55,17 +56,17 @@ class Start:
     Parameters
     ----------
     site : Site
-    quaternion : (4,) array_like
-        q_b^n with n = ENU.
-    velocity : (3,) array_like
+    quat_nb : (4,) array_like
+        Body to East-North-Up.
+    v_n : (3,) array_like
         East, north, up, m/s.
     covariance : (9, 9) array_like, optional
         Of phi (rad), velocity (m/s) and position (m), in ENU; zero when not given.
     """
 
     site: Site
-    quaternion: ArrayLike
-    velocity: ArrayLike = (0.0, 0.0, 0.0)
+    quat_nb: ArrayLike
+    v_n: ArrayLike = (0.0, 0.0, 0.0)
     covariance: ArrayLike | None = None
 
     @classmethod
@@ -86,7 +87,7 @@ class Start:
         """Make a start from an alignment's attitude and covariance."""
         cov = np.zeros((9, 9))
         cov[:3, :3] = fix.covariance
-        return cls(site, fix.quaternion, velocity, cov)
+        return cls(site, fix.quat_nb, velocity, cov)
 
     def state(self) -> StrapdownState:
         """Return the kernel's state at the start.
@@ -96,7 +97,7 @@ class Start:
         InputError
             For a quaternion or velocity of another shape, or not finite.
         """
-        q, v = np.asarray(self.quaternion, np.float64), np.asarray(self.velocity, np.float64)
+        q, v = np.asarray(self.quat_nb, np.float64), np.asarray(self.v_n, np.float64)
         if q.shape != (4,) or not abs(np.linalg.norm(q) - 1.0) < 1e-6:
             raise InputError("a start needs a unit quaternion of four numbers")
         if v.shape != (3,) or not np.all(np.isfinite(v)):
@@ -282,7 +283,7 @@ class Navigator:
     def _variance_row(self) -> Array:
         return np.diag(self._work[: ErrorStates.size])[None].copy()
 
-    def path(self) -> Path:
+    def path(self) -> Trajectory:
         """Return where it went so far; the last row is the last update, whatever `every` is.
 
         Raises
@@ -299,8 +300,42 @@ class Navigator:
             rows = np.concatenate([rows, last])
             if variances is not None:
                 variances = np.concatenate([variances, self._variance_row()])
-        covariance = self._work[: ErrorStates.size].copy() if self.spec is not None else None
-        return Path(rows, variances, covariance, self._name)
+        here = local_rows(rows)
+        covariance = None
+        if self.spec is not None:
+            covariance = _to_enu(self._work[: ErrorStates.size], LocalRow(here.data[-1]))
+        return Trajectory(
+            here.time, here.lat, here.lon, here.height, here.v_n, here.quat_nb, variances,
+            covariance, self._name,
+        )  # fmt: skip
+
+
+def local_rows(rows: Array) -> LocalRow:
+    """Return rows of a path, `PathRow` by `PathRow` in the wander frame, in East-North-Up."""
+    from schuler.kernels.strapdown import local
+
+    out = LocalRow.zeros(len(rows))
+    local(np.ascontiguousarray(rows), out.data)
+    return out
+
+
+def _to_enu(covariance: Array, here: LocalRow) -> Array:
+    """Return a covariance of the error states (15, 15) in East-North-Up, from the wander frame."""
+    c, s = np.cos(here.wander), np.sin(here.wander)
+    rotation = np.eye(ErrorStates.size)
+    phi, velocity, position = (
+        f.start for f in (ErrorStates.phi, ErrorStates.velocity, ErrorStates.position)
+    )
+    for k in (phi, velocity, position):
+        rotation[k : k + 2, k : k + 2] = [[c, -s], [s, c]]
+    # North turns with the place: an error of position to the east is one of heading.
+    slip = np.tan(here.lat) / (float(radii(here.lat)[1]) + here.height)
+    slipped = np.eye(ErrorStates.size)
+    slipped[phi + 2, position] += slip
+    slipped[velocity, position] += slip * here.v_n[1]
+    slipped[velocity + 1, position] -= slip * here.v_n[0]
+    rotation = slipped @ rotation
+    return np.asarray(rotation @ covariance @ rotation.T)
 
 
 def navigate(
@@ -315,8 +350,8 @@ def navigate(
     spec: ImuSpec | str | None = None,
     subsamples: int | None = None,
     array: SensorArray | str | None = None,
-) -> Path:
-    """Navigate a record by inertia alone.
+) -> Trajectory:
+    """Navigate a record without aiding (free-inertial).
 
     Parameters
     ----------
@@ -332,7 +367,7 @@ def navigate(
 
     Returns
     -------
-    Path
+    Trajectory
 
     Raises
     ------
@@ -355,7 +390,7 @@ def navigate(
         if covariance.shape == (9, 9):
             covariance[:3], covariance[:, :3] = 0.0, 0.0
             covariance[:3, :3] = fix.covariance
-        start = replace(start, quaternion=fix.quaternion, covariance=covariance)
+        start = replace(start, quat_nb=fix.quat_nb, covariance=covariance)
     navigator = Navigator(
         start,
         gravity=gravity,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,15 @@ from schuler.attitude import rotate
 from schuler.errors import InputError
 from schuler.record import ImuRecord
 
-__all__ = ["CHANNELS", "FRAMES", "Prefilter", "check_channels", "each_channel", "even_interval"]
+__all__ = [
+    "CHANNELS",
+    "FRAMES",
+    "Chain",
+    "Prefilter",
+    "check_channels",
+    "each_channel",
+    "even_interval",
+]
 
 Array = NDArray[np.float64]
 
@@ -22,12 +31,68 @@ CHANNELS = ("accel", "gyro", "both")
 FRAMES = ("inertial", "body")
 
 
-class Prefilter(Protocol):
-    """Record to record."""
+@dataclass(frozen=True)
+class Prefilter(ABC):
+    """Record to record; options are the fields of the dataclass.
 
+    ``LowPass(0.05) | Gate(0.003)`` is a `Chain`.
+    """
+
+    @abstractmethod
     def __call__(self, record: ImuRecord) -> ImuRecord:
         """Return the filtered record."""
-        ...
+
+    def at(self, gravity: float) -> Prefilter:
+        """Return the filter for a place with so much gravity, m/s^2."""
+        return self
+
+    def __or__(self, other: Prefilter) -> Chain:
+        return Chain((*_links(self), *_links(other)))
+
+    def to_table(self) -> Any:
+        """Return name and options, or a list of them."""
+        from schuler.prefilter.registry import PREFILTERS
+
+        return PREFILTERS.to_table(self)
+
+    def __str__(self) -> str:
+        from schuler.prefilter.registry import PREFILTERS
+
+        return PREFILTERS.text(self)
+
+
+@dataclass(frozen=True)
+class Chain(Prefilter):
+    """Prefilters one after another.
+
+    Parameters
+    ----------
+    filters : tuple of Prefilter
+        In the order in which they are applied.
+    """
+
+    filters: tuple[Prefilter, ...]
+
+    def __call__(self, record: ImuRecord) -> ImuRecord:
+        """Return the record after the last filter."""
+        for each in self.filters:
+            record = each(record)
+        return record
+
+    def at(self, gravity: float) -> Prefilter:
+        """Return the chain for a place with so much gravity, m/s^2."""
+        return Chain(tuple(each.at(gravity) for each in self.filters))
+
+    def to_table(self) -> list[dict[str, Any]]:
+        """Return name and options of each filter."""
+        return [each.to_table() for each in self.filters]
+
+    def __str__(self) -> str:
+        return " | ".join(map(str, self.filters))
+
+
+def _links(each: Prefilter) -> tuple[Prefilter, ...]:
+    return each.filters if isinstance(each, Chain) else (each,)
 
 
 def even_interval(record: ImuRecord) -> float:

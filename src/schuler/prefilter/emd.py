@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import InputError
-from schuler.prefilter.base import check_channels, each_channel, even_interval
+from schuler.prefilter.base import Prefilter, check_channels, each_channel, even_interval
 from schuler.record import ImuRecord
 
 __all__ = ["Emd", "ceemdan", "decompose", "split_index"]
@@ -191,7 +191,7 @@ def _turns(x: Array) -> int:
 
 
 @dataclass(frozen=True)
-class Emd:
+class Emd(Prefilter):
     """The document's filter: drop the modes up to the least energetic one.
 
     Parameters

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.errors import InputError
-from schuler.prefilter.base import even_interval
+from schuler.prefilter.base import Prefilter, even_interval
 from schuler.record import ImuRecord
 
 __all__ = ["Gate"]
@@ -17,30 +17,42 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Gate:
+class Gate(Prefilter):
     """Replace the force of samples outside the gate by the straight line between their neighbours.
 
     Parameters
     ----------
-    gravity : float
-        m/s^2.
     width : float
         Part of gravity by which |f| may differ (0.003 in the document).
     two_sided : bool
         Reject forces that are too small as well; the document prints only those too large
         (equation 44), which biases what is left upwards.
+    gravity : float, optional
+        m/s^2; an alignment gives that of its site.
     """
 
-    gravity: float
     width: float = 0.003
     two_sided: bool = True
+    gravity: float | None = field(default=None, metadata={"unit": "acceleration"})
 
     def __post_init__(self) -> None:
-        if not (self.gravity > 0 and self.width > 0):
+        if not (self.width > 0 and (self.gravity is None or self.gravity > 0)):
             raise InputError("a gate needs a positive gravity and width")
 
+    def at(self, gravity: float) -> Gate:
+        """Return the gate for a place with so much gravity, m/s^2."""
+        return self if self.gravity is not None else replace(self, gravity=gravity)
+
     def rejected(self, record: ImuRecord) -> NDArray[np.bool_]:
-        """Return which samples the gate rejects, (n,)."""
+        """Return which samples the gate rejects, (n,).
+
+        Raises
+        ------
+        InputError
+            If gravity is not known.
+        """
+        if self.gravity is None:
+            raise InputError("a gate needs gravity: say Gate(gravity=site.gravity)")
         size = np.linalg.norm(record.accel, axis=1) - self.gravity
         bound = self.width * self.gravity
         return np.asarray(np.abs(size) > bound if self.two_sided else size >= bound)

@@ -8,13 +8,13 @@ samples are no more work than a few filters.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.errors import InputError
-from schuler.prefilter.base import check_channels, each_channel, even_interval
+from schuler.prefilter.base import Prefilter, check_channels, each_channel, even_interval
 from schuler.record import ImuRecord
 
 __all__ = ["Hankel", "truncate"]
@@ -72,7 +72,7 @@ def truncate(x: Array, rank: int, window: int) -> Array:
 
 
 @dataclass(frozen=True)
-class Hankel:
+class Hankel(Prefilter):
     """Keep the strongest oscillations and trend of each channel.
 
     Parameters
@@ -87,7 +87,7 @@ class Hankel:
     """
 
     rank: int = 4
-    window: float = 4.0
+    window: float = field(default=4.0, metadata={"unit": "time"})
     channels: str = "accel"
     frame: str = "inertial"
 

@@ -7,13 +7,13 @@ so that there is no start-up transient. The zero-phase form runs both ways and d
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.errors import InputError
-from schuler.prefilter.base import check_channels, each_channel, even_interval
+from schuler.prefilter.base import Prefilter, check_channels, each_channel, even_interval
 from schuler.record import ImuRecord
 
 __all__ = ["LowPass", "LowPassStream"]
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class LowPass:
+class LowPass(Prefilter):
     """A Butterworth or FIR low-pass.
 
     Parameters
@@ -42,11 +42,11 @@ class LowPass:
         Where the force is filtered (`each_channel`).
     """
 
-    cutoff: float = 0.05
+    cutoff: float = field(default=0.05, metadata={"unit": "frequency"})
     order: int = 2
     kind: str = "butterworth"
     zero_phase: bool = False
-    settle: float = 1.0
+    settle: float = field(default=1.0, metadata={"unit": "time"})
     channels: str = "accel"
     frame: str = "inertial"
 

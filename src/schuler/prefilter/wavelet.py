@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.errors import InputError, SchulerError
-from schuler.prefilter.base import check_channels, each_channel, even_interval
+from schuler.prefilter.base import Prefilter, check_channels, each_channel, even_interval
 from schuler.record import ImuRecord
 
 __all__ = ["Wavelet"]
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Wavelet:
+class Wavelet(Prefilter):
     """Soft threshold at sigma sqrt(2 ln n), sigma from the finest level (Donoho, 1995).
 
     Parameters

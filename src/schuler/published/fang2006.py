@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.alignment import Fine, Position, align, position_limit
+from schuler.alignment import KalmanAlignment, Position, align, position_limit
 from schuler.earth import Site
 from schuler.motion.turntable import AXES, Dwell, Turn, Turntable
 from schuler.published.result import (
@@ -64,7 +64,7 @@ def _block(number: int, first: int, last: int, seed: int) -> tuple[Array, Array]
     settings = case["simulation"]
     spec, site = ImuSpec.from_dict(case["instrument"], "patent"), Site(settings["lat"])
     table, duration, _ = table_of(case["positions"][number]["angles"], settings["dwell"])
-    filter_ = Fine(10, "velocity", base=False, noise=settings["velocity_noise"])
+    filter_ = KalmanAlignment(10, "velocity", base=False, noise=settings["velocity_noise"])
     found: tuple[list[Array], list[Array]] = ([], [])
     for k in range(first, last):
         rng = np.random.default_rng([seed, 2006, number, k])
@@ -72,8 +72,8 @@ def _block(number: int, first: int, last: int, seed: int) -> tuple[Array, Array]
         # A filter knows most at its end; the default method is asked for the start.
         for method, at, to in ((filter_, "end", found[0]), (None, "start", found[1])):
             fix = align(made.record, site, method, spec, at=at)
-            true = made.truth.quaternion[0 if at == "start" else -1]
-            to.append(misalignment(fix.quaternion, true))
+            true = made.truth.known("quat_nb")[0 if at == "start" else -1]
+            to.append(misalignment(fix.quat_nb, true))
     return np.array(found[0]), np.array(found[1])
 
 

@@ -180,7 +180,7 @@ def _still(span: str) -> tuple[Simulation, Site]:
 def _block(number: int, first: int, last: int, runs: int, seed: int) -> dict[Any, Array]:
     """Return phi in i0, arcmin, of runs `first` to `last` of a case by every reading."""
     long, site = _still("long")
-    truth = quat_to_matrix(long.truth.quaternion[0])
+    truth = quat_to_matrix(long.truth.known("quat_nb")[0])
     start = inertial_to_local(0.0, site.latitude)
     true = start.T @ truth
     settings = conditions("guo2015")
@@ -203,7 +203,7 @@ def _block(number: int, first: int, last: int, runs: int, seed: int) -> dict[Any
                     continue
                 part = record.rows(0, round(length / case.step))
                 fix = align(part, site, spec=case.spec(_SHARE), at="start")
-                found = start.T @ quat_to_matrix(fix.quaternion)
+                found = start.T @ quat_to_matrix(fix.quat_nb)
                 out.setdefault((noise, span), []).append(_phi(found, true))
     return {key: np.array(value) for key, value in out.items()}
 
@@ -331,18 +331,6 @@ def _table_rows(case: dict[str, Any], found: dict[int, dict[Any, Array]]) -> lis
     return rows
 
 
-@dataclass(frozen=True)
-class _Chain:
-    """Prefilters one after the other."""
-
-    parts: tuple[Prefilter, ...]
-
-    def __call__(self, record: ImuRecord) -> ImuRecord:
-        for part in self.parts:
-            record = part(record)
-        return record
-
-
 def _gate_block(first: int, last: int, seed: int) -> dict[str, Array]:
     """Return phi, arcmin, of runs of a disturbed vehicle by each filter, and what was rejected."""
     case = conditions("guo2015")
@@ -350,11 +338,11 @@ def _gate_block(first: int, last: int, seed: int) -> dict[str, Array]:
     site, spec = Site(case["printed"]["lat"]), load_spec(settings["grade"])
     low = LowPass(settings["cutoff"])
     gates = {
-        name: Gate(site.gravity, settings["width"], two_sided=two)
+        name: Gate(settings["width"], two_sided=two, gravity=site.gravity)
         for name, two in (("gate as printed", False), ("two-sided gate", True))
     }
     chains: dict[str, Prefilter] = {"low-pass alone": low}
-    chains |= {name: _Chain((low, gate)) for name, gate in gates.items()}
+    chains |= {name: low | gate for name, gate in gates.items()}
     out: dict[str, list[Any]] = {}
     for k in range(first, last):
         rng = np.random.default_rng([seed, 44, k])
@@ -363,13 +351,13 @@ def _gate_block(first: int, last: int, seed: int) -> dict[str, Array]:
             rng, settings["duration"], crew, heading=rng.uniform(0, 360)
         )
         made = simulate(motion, site, settings["duration"], settings["rate"], spec, rng)
-        true = made.truth.quaternion[-1]
+        true = made.truth.known("quat_nb")[-1]
         for name, chain in chains.items():
             method = Inertial(settings["estimator"], prefilter=chain)
             fix = align(made.record, site, method, spec)
-            out.setdefault(name, []).append(misalignment(fix.quaternion, true))
+            out.setdefault(name, []).append(misalignment(fix.quat_nb, true))
         fix = align(made.record, site, spec=spec)
-        out.setdefault("default", []).append(misalignment(fix.quaternion, true))
+        out.setdefault("default", []).append(misalignment(fix.quat_nb, true))
         out.setdefault("limit", []).append(fix.limit_arcmin)
         passed = low(made.record)
         for name, gate in gates.items():

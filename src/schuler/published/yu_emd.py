@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.alignment import Fine, Inertial, Method, align
+from schuler.alignment import Inertial, KalmanAlignment, Method, align
 from schuler.alignment.compare import settle_time
 from schuler.earth import Site
 from schuler.motion import DisturbedVehicle
@@ -48,7 +48,7 @@ def methods(stop: float) -> dict[str, Method | None]:
     out: dict[str, Method | None] = {}
     for name, emd in filters.items():
         out[f"TRIAD: {name}"] = Inertial("integral-triad", prefilter=emd)
-        out[f"Kalman: {name}"] = Fine(10, "velocity", prefilter=emd)
+        out[f"Kalman: {name}"] = KalmanAlignment(10, "velocity", prefilter=emd)
     return {**out, "default": None}
 
 
@@ -63,10 +63,10 @@ def _block(first: int, last: int, seed: int) -> dict[str, Array]:
         rng = np.random.default_rng([seed, 3, k])
         motion = DisturbedVehicle.with_crew(rng, duration, heading=rng.uniform(0, 360))
         made = simulate(motion, site, duration, settings["rate"], spec, rng)
-        true = made.truth.quaternion[-1]
+        true = made.truth.known("quat_nb")[-1]
         for name, method in methods(case["printed"]["stop"]).items():
             fix = align(made.record, site, method, spec)
-            out.setdefault(name, []).append(float(misalignment(fix.quaternion, true)[2]))
+            out.setdefault(name, []).append(float(misalignment(fix.quat_nb, true)[2]))
             if not name.startswith("TRIAD"):
                 settled = settle_time(fix, 50)
                 out.setdefault(f"settled {name}", []).append(

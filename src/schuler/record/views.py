@@ -36,14 +36,26 @@ def channels(stem: str, count: int) -> list[str]:
     return [f"{stem}_{axis}" for axis in ("xyz" if count == 3 else range(1, count + 1))]
 
 
-def to_pandas(record: ImuRecord) -> pd.DataFrame:
-    """See `ImuRecord.to_pandas`."""
+def pandas_module() -> Any:
+    """Return pandas.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
     try:
         import pandas as pd
     except ImportError:
         raise InputError(
             "a table needs pandas, which is not installed: pip install 'schuler[pandas]'"
         ) from None
+    return pd
+
+
+def to_pandas(record: ImuRecord) -> pd.DataFrame:
+    """See `ImuRecord.to_pandas`."""
+    pd = pandas_module()
     names = ["dt"]
     for stem, array in (("dtheta", record.dtheta), ("dvel", record.dvel)):
         names += channels(stem, array.shape[1])

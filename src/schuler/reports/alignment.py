@@ -11,7 +11,7 @@ from schuler.constants import ARCMIN
 from schuler.errors import expect
 from schuler.reports import figures
 from schuler.reports.page import Drawing, Section, definition_table, write_page
-from schuler.trajectory import Path as Trajectory
+from schuler.trajectory import Trajectory
 
 __all__ = ["report"]
 
@@ -23,8 +23,7 @@ def report(result: Alignment | Windows | LatitudeFix | Trajectory, path: str | P
 
     Parameters
     ----------
-    result : Alignment, Windows, LatitudeFix or Path
-        The last one is that of a navigation.
+    result : Alignment, Windows, LatitudeFix or Trajectory
     path : str or Path
         The HTML file; it appears whole or not at all.
 
@@ -51,7 +50,7 @@ def report(result: Alignment | Windows | LatitudeFix | Trajectory, path: str | P
     fix = windows.whole if windows is not None else result
     expect(
         fix, Alignment, "result",
-        "a report is made of an Alignment, Windows, LatitudeFix or the Path of a navigation",
+        "a report is made of an Alignment, Windows, LatitudeFix or Trajectory",
     )  # fmt: skip
     assert isinstance(fix, Alignment)
     name = fix.inputs.get("record", "record")
@@ -179,7 +178,7 @@ def _residuals(fix: Alignment) -> Section:
 
 
 def _tables(fix: Alignment) -> Section:
-    q = ", ".join(f"{v:.12g}" for v in fix.quaternion)
+    q = ", ".join(f"{v:.12g}" for v in fix.quat_nb)
     cov = fix.covariance / ARCMIN**2
     rows = [
         ("quaternion (w, x, y, z)", q),

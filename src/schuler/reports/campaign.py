@@ -70,8 +70,8 @@ def campaign_report(
         )
         quantiles = (
             "Heading error over its sigma, sorted, against the normal distribution. On the line: "
-            "honest; steeper: sigma promises too much; flatter: too little. Shade: where 99 of "
-            "100 honest points lie, each by itself."
+            "consistent; steeper: sigma promises too much; flatter: too little. Shade: where 99 of "
+            "100 consistent points lie, each by itself."
         )
         sections.append(
             Section(
@@ -98,7 +98,7 @@ def _headline(scatters: Sequence[Scatter], name: str) -> str:
         (f"{first.predicted:.3g}′", "stated sigma, rms"),
         ("no spec" if first.bound is None else f"{first.bound:.3g}′", "limit"),
         ("-" if first.ratio is None else f"{first.ratio:.2f}", "rms over limit"),
-        (f"{first.nees_ratio:.2f}", f"NEES / 3, honest in {low:.2f} to {high:.2f}"),
+        (f"{first.nees_ratio:.2f}", f"NEES / 3, consistent in {low:.2f} to {high:.2f}"),
         (f"{first.runs}", "runs"),
     ]
     items = "".join(f"<li><b>{escape(v)}</b><span>{escape(t)}</span></li>" for v, t in facts)
@@ -114,20 +114,20 @@ def _headline(scatters: Sequence[Scatter], name: str) -> str:
 
 def _table(scatters: Sequence[Scatter]) -> str:
     heads = ("", "method", "runs", "mean", "std", "rms", "sigma", "limit", "rms / limit",
-             "NEES / 3", "honest within")  # fmt: skip
+             "NEES / 3", "consistent within")  # fmt: skip
     rows = []
     for s in scatters:
         low, high = s.nees_band
         cells = (
             s.method, str(s.runs), f"{s.mean:+.3f}", _text(s.std), f"{s.rms:.3f}",
             f"{s.predicted:.3f}", _text(s.bound), _text(s.ratio),
-            f"{s.nees_ratio:.2f}{'' if s.honest else ' *'}", f"{low:.2f} to {high:.2f}",
+            f"{s.nees_ratio:.2f}{'' if s.consistent else ' *'}", f"{low:.2f} to {high:.2f}",
         )  # fmt: skip
         body = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
         rows.append(f'<tr><th scope="row">{escape(s.label or "all runs")}</th>{body}</tr>')
     head = "".join(f'<th scope="col">{escape(text)}</th>' for text in heads)
     return (
-        "<table><caption>Heading error, arcmin. * : the covariance is not honest at 99 %."
+        "<table><caption>Heading error, arcmin. * : the covariance is not consistent at 99 %."
         f"</caption><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
     )
 
@@ -183,7 +183,7 @@ def quantile_plot(s: Scatter) -> Any:
         marker={"color": BLUE, "size": 5},
         hovertemplate="normal %{x:.2f}: %{y:.2f} sigma<extra></extra>",
     )  # fmt: skip
-    line = line_of(x[[0, -1]], x[[0, -1]], "honest", ORANGE, hoverinfo="skip")
+    line = line_of(x[[0, -1]], x[[0, -1]], "consistent", ORANGE, hoverinfo="skip")
     layout = plot_layout(
         380, "normal quantile", "heading error / sigma, sorted", hovermode="closest"
     )

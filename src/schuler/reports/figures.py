@@ -36,7 +36,7 @@ POINTS = 1500
 
 
 def plot_layout(height: int, x: str, y: str, **more: Any) -> dict[str, Any]:
-    """Return a layout in the house style."""
+    """Return a layout in the style of all pages."""
     return {
         "height": height,
         "margin": {"l": 64, "r": 16, "t": 28, "b": 48},

@@ -22,17 +22,17 @@ from schuler.reports.figures import (
     plot_layout,
 )
 from schuler.reports.page import Drawing, Section, definition_table, write_page
-from schuler.trajectory import Path
+from schuler.trajectory import Trajectory
 
 __all__ = ["navigation_report"]
 
 
-def navigation_report(path: Path, evaluation: Evaluation | None, to: str | File) -> None:
+def navigation_report(path: Trajectory, evaluation: Evaluation | None, to: str | File) -> None:
     """Write the page.
 
     Parameters
     ----------
-    path : Path
+    path : Trajectory
     evaluation : Evaluation or None
         Against a reference.
     to : str or Path
@@ -62,7 +62,7 @@ def navigation_report(path: Path, evaluation: Evaluation | None, to: str | File)
         ):
             rows.append((name, ", ".join(f"{v:.4g}" for v in sigma[key]) + f" {unit}"))
     sections = [Section("Where it went", drawings=[_track(path), _height(path)])]
-    value = "by inertia alone"
+    value = "by free-inertial navigation"
     sub = f"{path.time[-1] - path.time[0]:.6g} s; no reference was given"
     if evaluation is not None:
         e = evaluation.to_dict()
@@ -86,7 +86,7 @@ def _thinned(n: int) -> Any:
     return np.unique(np.linspace(0, n - 1, min(n, POINTS)).astype(int))
 
 
-def _track(path: Path) -> Drawing:
+def _track(path: Trajectory) -> Drawing:
     k = _thinned(len(path))
     lat, lon, height = path.position[k].T
     rm, rn = radii(lat[0])
@@ -99,7 +99,7 @@ def _track(path: Path) -> Drawing:
     return Drawing(figure_of([line_of(x, y, "way", BLUE)], layout), text, text)
 
 
-def _height(path: Path) -> Drawing:
+def _height(path: Trajectory) -> Drawing:
     k = _thinned(len(path))
     text = "Height above the ellipsoid."
     trace = line_of(path.time[k], path.position[k, 2], "height", BLUE)

@@ -8,19 +8,19 @@ from pathlib import Path
 import numpy as np
 
 from schuler.constants import DEG_PER_HOUR
-from schuler.modulation import Comparison
+from schuler.modulation import RotationComparison
 from schuler.reports.figures import BLUE, GREY, ORANGE, figure_of, line_of, plot_layout
 from schuler.reports.page import Drawing, Section, definition_table, graph_objects, write_page
 
 __all__ = ["rotation_report"]
 
 
-def rotation_report(found: Comparison, path: str | Path) -> None:
+def rotation_report(found: RotationComparison, path: str | Path) -> None:
     """Write the page.
 
     Parameters
     ----------
-    found : Comparison
+    found : RotationComparison
     path : str or Path
         The HTML file.
 
@@ -82,7 +82,7 @@ def rotation_report(found: Comparison, path: str | Path) -> None:
     write_page(path, f"Rotation: {case.name}", head, sections)
 
 
-def _map(found: Comparison, values: np.ndarray, text: str, label: str) -> Drawing:
+def _map(found: RotationComparison, values: np.ndarray, text: str, label: str) -> Drawing:
     go = graph_objects()
     case = found.case
     trace = go.Heatmap(

@@ -28,8 +28,8 @@ def run(seed, method, duration=200.0, crew=True):
     motion = DisturbedVehicle.with_crew(rng, duration, heading=30.0) if crew else Static(30.0)
     made = simulate(motion, SITE, duration, 50.0, FOG, rng)
     fix = align(made.record, SITE, method, FOG)
-    back = euler_to_quat(made.truth.euler_at(round(fix.duration / made.truth.step)))
-    return -quat_to_rotvec(multiply(fix.quaternion, back * [1.0, -1.0, -1.0, -1.0])), fix
+    back = euler_to_quat(made.euler_at(round(fix.duration / made.step)))
+    return -quat_to_rotvec(multiply(fix.quat_nb, back * [1.0, -1.0, -1.0, -1.0])), fix
 
 
 @pytest.mark.slow

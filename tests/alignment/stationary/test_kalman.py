@@ -1,4 +1,4 @@
-"""Fine alignment: every form of the filter, its covariance, its parts, its robustness."""
+"""Kalman alignment: every form of the filter, its covariance, its parts, its robustness."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from schuler.alignment import Aligner, Fine, Gyrocompass, align
+from schuler.alignment import Aligner, Gyrocompass, KalmanAlignment, align
 from schuler.alignment.intervals import Intervals
 from schuler.attitude import euler_to_quat, multiply, quat_to_rotvec
 from schuler.constants import ARCMIN
@@ -24,32 +24,35 @@ from schuler.simulation import simulate
 
 SITE, FOG = Site(40.0), GRADES["navigation-fog"]
 FORMS = {
-    "displacement": Fine(),
-    "without the base": Fine(base=False),
-    "velocity": Fine(12, "velocity"),
-    "ten states": Fine(10, "velocity"),
-    "force": Fine(12, "force"),
-    "any azimuth": Fine(azimuth="large"),
-    "coloured": Fine(coloured=True),
-    "lever": Fine(lever=True),
-    "huber": Fine(robust="huber"),
-    "igg3": Fine(robust="igg3"),
-    "adaptive": Fine(adaptive=True),
-    "no feedback": Fine(feedback=False),
-    "three passes": Fine(passes=3),
+    "displacement": KalmanAlignment(),
+    "without the base": KalmanAlignment(base=False),
+    "velocity": KalmanAlignment(12, "velocity"),
+    "ten states": KalmanAlignment(10, "velocity"),
+    "force": KalmanAlignment(12, "force"),
+    "any azimuth": KalmanAlignment(azimuth="large"),
+    "coloured": KalmanAlignment(coloured=True),
+    "lever": KalmanAlignment(lever=True),
+    "huber": KalmanAlignment(robust="huber"),
+    "igg3": KalmanAlignment(robust="igg3"),
+    "adaptive": KalmanAlignment(adaptive=True),
+    "no feedback": KalmanAlignment(feedback=False),
+    "three passes": KalmanAlignment(passes=3),
 }
 
 
-METHODS_OF_A_FILTER = (Fine(), Fine(12, "velocity"), Fine(azimuth="large"), Gyrocompass())
+METHODS_OF_A_FILTER = (
+    KalmanAlignment(), KalmanAlignment(12, "velocity"), KalmanAlignment(azimuth="large"),
+    Gyrocompass(),
+)  # fmt: skip
 
 
 def run(motion, seed, method, at="end", duration=300.0, rate=50.0):
     rng = np.random.default_rng([seed, 6])
     made = simulate(motion(rng), SITE, duration, rate, FOG, rng)
     fix = align(made.record, SITE, method, FOG, at=at)
-    k = round((fix.time - made.truth.start) / made.truth.step)
-    back = euler_to_quat(made.truth.euler_at(k)) * [1.0, -1.0, -1.0, -1.0]
-    return -quat_to_rotvec(multiply(fix.quaternion, back)), fix
+    k = round((fix.time - made.start) / made.step)
+    back = euler_to_quat(made.euler_at(k)) * [1.0, -1.0, -1.0, -1.0]
+    return -quat_to_rotvec(multiply(fix.quat_nb, back)), fix
 
 
 def still(rng):
@@ -67,8 +70,8 @@ def test_every_form_finds_north_within_its_sigma(name):
     assert fix.sigma_arcmin[2] < 1.35 * fix.limit_arcmin[2]
     np.testing.assert_allclose(sum(fix.budget.values()), fix.covariance)
     assert np.linalg.eigvalsh(fix.covariance)[0] > 0
-    assert fix.passed is not None
-    assert len(fix.passed.t) == 300
+    assert fix.filter_history is not None
+    assert len(fix.filter_history.t) == 300
     assert str(fix.method).startswith("kalman")
 
 
@@ -80,7 +83,7 @@ def test_errors_are_those_that_the_covariance_says(motion, ratio):
     """60 runs: mean NEES inside the 99 % band; rms of the heading beside the limit."""
     runs = 60
     with ThreadPoolExecutor(2) as pool:
-        found = list(pool.map(lambda seed: run(motion, seed, Fine()), range(runs)))
+        found = list(pool.map(lambda seed: run(motion, seed, KalmanAlignment()), range(runs)))
     nees = np.mean([p @ np.linalg.solve(f.covariance, p) for p, f in found])
     low, high = np.array(stats.chi2.interval(0.99, 3 * runs)) / runs
     assert 0.75 * low < nees < high
@@ -90,10 +93,10 @@ def test_errors_are_those_that_the_covariance_says(motion, ratio):
 
 
 def test_parts_add_up_and_smoothing_is_better_at_the_start():
-    phi, fix = run(truck, 3, Fine(), at="start")
+    phi, fix = run(truck, 3, KalmanAlignment(), at="start")
     assert set(fix.budget) == {"all_sources"}
     assert np.all(np.abs(phi) < 4 * np.sqrt(np.diag(fix.covariance)))
-    _, end = run(truck, 3, Fine())
+    _, end = run(truck, 3, KalmanAlignment())
     assert fix.sigma_arcmin[2] < 1.1 * end.sigma_arcmin[2]
 
 
@@ -105,7 +108,7 @@ def test_a_robust_filter_survives_a_jump_that_throws_a_plain_one():
     hit[5000:5002, 0] += 0.05
     hit[5050:5052, 0] -= 0.05
     knocked = replace(record, dvel=hit)
-    plain = Fine(12, "velocity", base=False, noise=0.01)
+    plain = KalmanAlignment(12, "velocity", base=False, noise=0.01)
     clean = align(record, SITE, plain, FOG).heading_deg
     off = {
         rule: abs(align(knocked, SITE, replace(plain, robust=rule), FOG).heading_deg - clean)
@@ -119,7 +122,7 @@ def test_a_large_azimuth_needs_no_start():
     for heading in (0.0, 90.0, 180.0, 271.0):
         rng = np.random.default_rng(4)
         record = simulate(Static(heading, 2.0, -3.0), SITE, 300.0, 50.0, FOG, rng).record
-        fix = align(record, SITE, Fine(azimuth="large"), FOG)
+        fix = align(record, SITE, KalmanAlignment(azimuth="large"), FOG)
         off = (fix.heading_deg - heading + 180) % 360 - 180
         assert abs(off) * 60 < 4 * fix.sigma_arcmin[2]
 
@@ -132,14 +135,14 @@ def test_a_large_azimuth_needs_no_start():
 )  # fmt: skip
 def test_bad_options(options, text):
     with pytest.raises(InputError, match=text):
-        Fine(**options)
+        KalmanAlignment(**options)
 
 
 def test_too_short_for_a_filter():
     rng = np.random.default_rng(1)
     record = simulate(Static(0.0), SITE, 5.0, 50.0, FOG, rng).record
     with pytest.raises(InputError, match="ten steps"):
-        align(record, SITE, Fine(), FOG)
+        align(record, SITE, KalmanAlignment(), FOG)
 
 
 @pytest.mark.parametrize("method", [*METHODS_OF_A_FILTER], ids=str)
@@ -151,13 +154,13 @@ def test_a_filter_streams_resumes_and_holds_no_samples(method):
     pieces = Aligner(SITE, method, FOG)
     for a, b in pairwise([0, 3, 333, 334, 999, 1000, 3000]):
         pieces.update(piece(record, a, b))
-    np.testing.assert_array_equal(pieces.solution().quaternion, whole.quaternion)
+    np.testing.assert_array_equal(pieces.solution().quat_nb, whole.quat_nb)
     np.testing.assert_array_equal(pieces.solution().covariance, whole.covariance)
     first = Aligner(SITE, method, FOG).update(piece(record, 0, 1801))
     second = Aligner(SITE, method, FOG)
     second.restore(first.arrays())
     second.update(piece(record, 1801, 3000))
-    np.testing.assert_array_equal(second.solution().quaternion, whole.quaternion)
+    np.testing.assert_array_equal(second.solution().quat_nb, whole.quat_nb)
     assert sum(a.nbytes for a in second.arrays().values()) < 2_000_000
     assert not second._held
 
@@ -173,8 +176,8 @@ def test_a_long_record_has_longer_steps_and_the_same_sigma():
     """Two hours: instants of the history are 1.8 s apart, beyond the step of 1 s."""
     rng = np.random.default_rng(3)
     record = simulate(Static(10.0), SITE, 7200.0, 5.0, FOG, rng).record
-    fix = align(record, SITE, Fine(), FOG)
-    assert 2000 < len(fix.passed.t) < 4097
+    fix = align(record, SITE, KalmanAlignment(), FOG)
+    assert 2000 < len(fix.filter_history.t) < 4097
     assert abs(fix.heading_deg - 10.0) * 60.0 < 4.0 * fix.sigma_arcmin[2]
     assert fix.sigma_arcmin[2] < 1.1 * fix.limit_arcmin[2]
 
@@ -196,14 +199,14 @@ def test_intervals_navigate_as_their_samples_do(backward):
     """A rocking vehicle: attitude, velocity and displacement at the end of half-second steps."""
     made = rocking()
     record = made.record
-    h = Aligner(SITE, Fine(), FOG).update(record).history()
+    h = Aligner(SITE, KalmanAlignment(), FOG).update(record).history()
     intervals = Intervals.of(h, 0.5)
     layout = Layout(["phi", "velocity", "position", "gyro_bias", "accelerometer_bias"])
     bias = {"gyro_bias": [2e-5, -1e-5, 3e-5], "accelerometer_bias": [5e-3, 1e-3, -4e-3]}
     earth = SITE.earth_rate
-    q = made.truth.quaternion[0]
+    q = made.truth.quat_nb[0]
     if backward:
-        intervals, earth, q = intervals.reversed(), -earth, made.truth.quaternion[-1]
+        intervals, earth, q = intervals.reversed(), -earth, made.truth.quat_nb[-1]
         bias["gyro_bias"] = [-x for x in bias["gyro_bias"]]
         # Savage's corrections look at the sample before, which comes after.
         record = replace(
@@ -248,7 +251,9 @@ def corrected(record, coning, sculling):
     )
 
 
-@pytest.mark.parametrize("method", [Fine(), Fine(passes=3), Gyrocompass()], ids=str)
+@pytest.mark.parametrize(
+    "method", [KalmanAlignment(), KalmanAlignment(passes=3), Gyrocompass()], ids=str
+)
 def test_increments_that_the_instrument_corrected_are_not_corrected_again(method):
     rng = np.random.default_rng(8)
     lines = [
@@ -272,8 +277,8 @@ def test_increments_that_the_instrument_corrected_are_not_corrected_again(method
 
 
 def phi_between(one, other):
-    back = other.quaternion * [1.0, -1.0, -1.0, -1.0]
-    return float(np.linalg.norm(quat_to_rotvec(multiply(one.quaternion, back))))
+    back = other.quat_nb * [1.0, -1.0, -1.0, -1.0]
+    return float(np.linalg.norm(quat_to_rotvec(multiply(one.quat_nb, back))))
 
 
 @pytest.mark.parametrize("name", ["displacement", "velocity", "any azimuth", "coloured", "huber"])

@@ -1,4 +1,4 @@
-"""The optimal estimate: beside the limit, on any base, with biases and honest covariances."""
+"""The optimal estimate: beside the limit, on any base, with biases and consistent covariances."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def errors(motion, duration, spec, site, seed, method="optimal", at="end", rate=
     rng = np.random.default_rng([seed, 5])
     made = simulate(motion(rng), site, duration, rate, spec, rng)
     fix = align(made.record, site, method, spec, at=at)
-    k = round((fix.time - made.truth.start) / made.truth.step)
-    back = euler_to_quat(made.truth.euler_at(k)) * [1.0, -1.0, -1.0, -1.0]
-    return -quat_to_rotvec(multiply(fix.quaternion, back)), fix
+    k = round((fix.time - made.start) / made.step)
+    back = euler_to_quat(made.euler_at(k)) * [1.0, -1.0, -1.0, -1.0]
+    return -quat_to_rotvec(multiply(fix.quat_nb, back)), fix
 
 
 def many(runs, *args, **more):
@@ -95,8 +95,8 @@ def test_two_positions_show_the_biases():
             gyro_bias=gyro, accel_bias=accel,
         )  # fmt: skip
         fix = align(made.record, Site(40.0), spec=FOG, at="start")
-        back = euler_to_quat(made.truth.euler_at(0)) * [1.0, -1.0, -1.0, -1.0]
-        phi = -quat_to_rotvec(multiply(fix.quaternion, back))
+        back = euler_to_quat(made.euler_at(0)) * [1.0, -1.0, -1.0, -1.0]
+        phi = -quat_to_rotvec(multiply(fix.quat_nb, back))
         off = np.concatenate([fix.gyro_bias - gyro, fix.accel_bias - accel])
         nees.append(
             [
@@ -168,8 +168,8 @@ def test_the_last_dwell_shows_the_level_at_the_end():
             rng = np.random.default_rng([seed, 9])
             made = simulate(table, site, duration, 20.0, spec, rng)
             fix = align(made.record, site, method, spec)
-            back = fix.quaternion * [1.0, -1.0, -1.0, -1.0]
-            phi = quat_to_rotvec(multiply(made.truth.quaternion[-1], back))
+            back = fix.quat_nb * [1.0, -1.0, -1.0, -1.0]
+            phi = quat_to_rotvec(multiply(made.truth.quat_nb[-1], back))
             assert fix.consistent
             assert not any("mean |w|" in text for text in fix.warnings)
             # The bound is that of both positions.

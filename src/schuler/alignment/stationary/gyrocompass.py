@@ -17,7 +17,7 @@ from schuler.alignment.intervals import Intervals
 from schuler.alignment.methods import Gyrocompass
 from schuler.alignment.stationary.disturbance import disturbance_levels, residual
 from schuler.alignment.stationary.inertial import solve
-from schuler.alignment.stationary.kalman import FinePass, FineResult, vehicle_motion
+from schuler.alignment.stationary.kalman import FilterHistory, KalmanResult, vehicle_motion
 from schuler.attitude import nearest_quat, quat_to_matrix
 from schuler.constants import DEG
 from schuler.earth import Site
@@ -60,7 +60,7 @@ def _system(gains: Array, g: float, rate: Array) -> Array:
 
 def compass_alignment(
     h: History, site: Site, method: Gyrocompass, spec: ImuSpec | None
-) -> FineResult:
+) -> KalmanResult:
     """Return the attitude at the end by the gyrocompass loop.
 
     Parameters
@@ -156,7 +156,7 @@ def compass_alignment(
     rows = np.searchsorted(steps.time, h.start + step * np.arange(1, len(sigma) + 1) - 1e-9)
     rows = np.minimum(rows, len(steps) - 1)
     none = np.zeros((len(rows), 3))
-    passed = FinePass(
+    passed = FilterHistory(
         out[rows, 0] - h.start, out[rows, 1:], np.array(sigma), none, none, np.zeros(len(rows))
     )
-    return FineResult(attitude, budget, np.zeros(6), np.zeros((6, 6)), passed, 0, 0)
+    return KalmanResult(attitude, budget, np.zeros(6), np.zeros((6, 6)), passed, 0, 0)

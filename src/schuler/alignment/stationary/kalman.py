@@ -23,9 +23,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.alignment.history import History, inertial_to_local
 from schuler.alignment.intervals import Intervals
-from schuler.alignment.methods import Fine
+from schuler.alignment.methods import KalmanAlignment
 from schuler.alignment.stationary.inertial import MINIMUM_ROWS, solve
-from schuler.alignment.stationary.optimal import Joint, Linearisation, joint
+from schuler.alignment.stationary.optimal import Linearisation, OptimalAlignment, joint
 from schuler.attitude import (
     multiply,
     nearest_quat,
@@ -52,7 +52,7 @@ from schuler.ins import (
 )
 from schuler.sensors import ImuSpec
 
-__all__ = ["FinePass", "FineResult", "fine_alignment", "vehicle_motion"]
+__all__ = ["FilterHistory", "KalmanResult", "kalman_alignment", "vehicle_motion"]
 
 Array = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ _LEVER, _BASE = 1.0, 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class FinePass:
+class FilterHistory:
     """What the filter said after each step.
 
     Parameters
@@ -102,7 +102,7 @@ class FinePass:
 
 
 @dataclass(frozen=True, eq=False)
-class FineResult:
+class KalmanResult:
     """A fine alignment.
 
     Parameters
@@ -113,11 +113,11 @@ class FineResult:
         Covariance of phi by source, rad^2.
     biases, bias_covariance : (6,), (6, 6) float64 or None
         None for a large azimuth: there the gyro biases are part of the rate that shows north.
-    passed : FinePass
+    filter_history : FilterHistory
         The last pass.
     refused, weighed : int
         Measurements that a robust filter refused or weighed down.
-    best : Joint or None
+    best : OptimalAlignment or None
         The optimal estimate, where it was made on the way and the result is linear about the same.
     """
 
@@ -125,10 +125,10 @@ class FineResult:
     budget: dict[str, Array]
     biases: Array | None
     bias_covariance: Array | None
-    passed: FinePass
+    filter_history: FilterHistory
     refused: int
     weighed: int
-    best: Joint | None = None
+    best: OptimalAlignment | None = None
 
 
 def vehicle_motion(h: History, r: Array, site: Site, step: float) -> tuple[float, float, float]:
@@ -162,10 +162,10 @@ def vehicle_motion(h: History, r: Array, site: Site, step: float) -> tuple[float
 class _Setting:
     """What all passes over a record share."""
 
-    known: Joint
+    known: OptimalAlignment
     motion: tuple[float, float, float]
     site: Site
-    method: Fine
+    method: KalmanAlignment
     spec: ImuSpec | None
     intervals: Intervals
 
@@ -298,17 +298,17 @@ class _Setting:
         return out
 
 
-def fine_alignment(
-    h: History, site: Site, method: Fine, spec: ImuSpec | None, at_end: bool,
+def kalman_alignment(
+    h: History, site: Site, method: KalmanAlignment, spec: ImuSpec | None, at_end: bool,
     about: Linearisation | None = None,
-) -> FineResult:  # fmt: skip
+) -> KalmanResult:  # fmt: skip
     """Return the Kalman alignment of a history.
 
     Parameters
     ----------
     h : History
     site : Site
-    method : Fine
+    method : KalmanAlignment
     spec : ImuSpec or None
         Without one the noise is that of the record, and biases are taken for zero.
     at_end : bool
@@ -349,7 +349,7 @@ def fine_alignment(
     phi = f.layout["phi"]
     budget = {name: part[phi, phi] for name, part in f.budget.items() if part[phi, phi][2, 2] > 0.0}
     own = _bias_states(f)
-    return FineResult(
+    return KalmanResult(
         quat_to_matrix(f.quat_nb), budget, _biases(f) + setting.removed,
         f.covariance[np.ix_(own, own)],
         _passed(f, h), f.refused, f.weighed, setting.known,
@@ -367,17 +367,17 @@ def _biases(f: ErrorStateFilter) -> Array:
     return np.concatenate([f.parameter("gyro_bias"), f.parameter("accelerometer_bias")])
 
 
-def _passed(f: ErrorStateFilter, h: History) -> FinePass:
+def _passed(f: ErrorStateFilter, h: History) -> FilterHistory:
     history = f.history()
     none = np.full((len(history), 3), np.nan)
-    return FinePass(
+    return FilterHistory(
         history.time - h.start, history.quat_nb, history.sigma("phi"),
         history["gyro_bias"] if "gyro_bias" in f.layout else none, history["accelerometer_bias"],
         history.mean_square,
     )  # fmt: skip
 
 
-def _smoothed(setting: _Setting, q: Array, biases: Array) -> FineResult:
+def _smoothed(setting: _Setting, q: Array, biases: Array) -> KalmanResult:
     """Return the attitude at the start, by the smoother; twice, as errors are then linear."""
     h = setting.known.history
     for lap in range(2):
@@ -388,7 +388,7 @@ def _smoothed(setting: _Setting, q: Array, biases: Array) -> FineResult:
         q, biases = done.quat_nb[0], biases + done.error[0, own]
     p = done.covariance[0]
     phi = f.layout["phi"]
-    return FineResult(
+    return KalmanResult(
         quat_to_matrix(q), {"all_sources": p[phi, phi]}, biases + setting.removed,
         p[np.ix_(own, own)],
         _passed(f, h), f.refused, f.weighed, setting.known,
@@ -407,7 +407,7 @@ def _levelled(h: History) -> Array:
     return np.asarray(rotvec_to_quat(axis / size * np.arctan2(size, up[2])))
 
 
-def _wandering(setting: _Setting, q: Array, at_end: bool) -> FineResult:
+def _wandering(setting: _Setting, q: Array, at_end: bool) -> KalmanResult:
     """Return the alignment in level axes of unknown azimuth: linear however large that is.
 
     The horizontal Earth rate in these axes is a state; north is where it points.
@@ -452,4 +452,4 @@ def _wandering(setting: _Setting, q: Array, at_end: bool) -> FineResult:
         passed, quaternion=np.asarray(multiply(turn, passed.quaternion)),
         sigma=np.column_stack([passed.sigma[:, :2], np.hypot(across, sigma / north)]),
     )  # fmt: skip
-    return FineResult(attitude, budget, None, None, passed, f.refused, f.weighed, setting.known)
+    return KalmanResult(attitude, budget, None, None, passed, f.refused, f.weighed, setting.known)

@@ -35,6 +35,7 @@ from schuler.alignment.stationary.disturbance import (
 )
 from schuler.alignment.stationary.dwells import find_dwells
 from schuler.alignment.stationary.inertial import Weights, solve
+from schuler.alignment.stationary.normal_equations import NormalEquations
 from schuler.alignment.stationary.uncertainty import mean_attitude, part_covariance
 from schuler.attitude import (
     multiply,
@@ -50,7 +51,7 @@ from schuler.earth import Site
 from schuler.kernels.states import TrackerNode
 from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
 
-__all__ = ["Joint", "Linearisation", "joint"]
+__all__ = ["Linearisation", "OptimalAlignment", "joint"]
 
 Array = NDArray[np.float64]
 
@@ -66,80 +67,11 @@ LARGEST = 0.05
 _LEAST_WHITE = 0.3 * MICRO_G
 """Least noise of the force, m/s^2/sqrt(Hz)."""
 
+_LEAST_GYRO = 0.001 * DEG_PER_HOUR
+"""Least bias beside which a turn of the base is looked for, rad/s."""
+
 _FREE_GYRO, _FREE_ACCEL = 1e-6 * DEG_PER_HOUR, 1e-3 * MICRO_G
 """Biases (1 sigma) of an instrument that is not known to have any."""
-
-
-@dataclass(frozen=True, eq=False)
-class NormalEquations:
-    """Normal equations of attitude and velocity for all unknowns, without priors.
-
-    Parameters
-    ----------
-    information : (n, n) float64
-        J^T N^-1 J.
-    right : (n,) float64
-        J^T N^-1 y.
-
-    The unknowns are phi_0 (3), gyro bias (3, rad/s), accelerometer bias (3, m/s^2), velocity east
-    and north (2), the attitude of each dwell (3 each), the latitude (1, rad) and a steady turn of
-    the base about east, north and up (3, rad/s), which only the attitude shows.
-    """
-
-    information: Array
-    right: Array
-
-    GYRO = slice(3, 6)
-    ACCEL = slice(6, 9)
-    LATITUDE = -4
-    BASE_RATE = slice(-3, None)
-
-    def solve(self, prior_sigma: Array) -> tuple[Array, Array]:
-        """Return estimate (n,) and covariance (n, n) for 1-sigma priors about zero.
-
-        Parameters
-        ----------
-        prior_sigma : (n,) float64
-            Infinite for an unknown without a prior, zero for one that is known to be zero.
-        """
-        free = prior_sigma > 0
-        weight = np.where(np.isinf(prior_sigma), 0.0, 1.0 / np.where(free, prior_sigma, 1.0) ** 2)
-        a = (self.information + np.diag(weight))[np.ix_(free, free)]
-        seen = np.diag(a) > 0
-        scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, np.diag(a), 1.0)), 0.0)
-        inverse = np.linalg.pinv(a * np.outer(scale, scale), rcond=1e-13, hermitian=True)
-        part = inverse * np.outer(scale, scale)
-        covariance = np.zeros_like(self.information)
-        covariance[np.ix_(free, free)] = part
-        value = np.zeros(len(self.right))
-        value[free] = part @ self.right[free]
-        return value, covariance
-
-    def marginal(self, columns: slice, prior_sigma: Array) -> tuple[Array, Array]:
-        """Return information (k, k) and right side (k,) of some unknowns, all else eliminated.
-
-        Parameters
-        ----------
-        columns : slice
-            `GYRO` or `ACCEL`.
-        prior_sigma : (n,) float64
-            As in `solve`; those of the unknowns themselves are not used.
-        """
-        kept = np.arange(len(prior_sigma))[columns]
-        free = prior_sigma > 0
-        free[kept] = False
-        # No unknown is quite free: a weak prior keeps the digits of the elimination.
-        weak = np.full(len(prior_sigma), 1.0)
-        weak[9:11], weak[self.BASE_RATE] = 100.0, 1e-3
-        sigma = np.minimum(np.where(free, prior_sigma, 1.0), weak)
-        rest = (self.information + np.diag(1.0 / sigma**2))[np.ix_(free, free)]
-        scale = 1.0 / np.sqrt(np.diag(rest))
-        across = self.information[np.ix_(free, kept)] * scale[:, None]
-        both = np.column_stack([across, scale * self.right[free]])
-        solved = np.linalg.solve(rest * np.outer(scale, scale), both)
-        information = self.information[np.ix_(kept, kept)] - across.T @ solved[:, :-1]
-        right = self.right[kept] - across.T @ solved[:, -1]
-        return 0.5 * (information + information.T), right
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,8 +93,13 @@ class Answer:
     sway: Array
 
     @classmethod
-    def from_gains(cls, gain_a: Array, gain_v: Array, local: Array, mean_sway: Array) -> Answer:
-        """Make it of gains (m, 3, 3) and (m, 3, 2), series in the level frame `local`."""
+    def from_gains(
+        cls, gain_a: Array, gain_v: Array, local: Array, mean_sway: Array, base: Array
+    ) -> Answer:
+        """Make it of gains (m, 3, 3) and (m, 3, 2), series in the level frame `local`.
+
+        `base` (3, 3) is what a steady turn of the base, as large as it may be, makes of phi.
+        """
         sway = sum(
             (gain_a[:, :, k].T @ mean_sway[k] @ gain_a[:, :, k] for k in range(3)),
             np.zeros((3, 3)),
@@ -171,7 +108,7 @@ class Answer:
             np.zeros(1, np.int64), np.zeros((1, 3, 3)), np.zeros(1, np.int64),
             -gain_v @ local[:, :2],
         )  # fmt: skip
-        return cls(weights, -gain_a @ local, np.asarray(sway))
+        return cls(weights, -gain_a @ local, np.asarray(sway + base @ base.T))
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +129,7 @@ class Linearisation:
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class OptimalAlignment:
     """The optimal estimate.
 
     Parameters
@@ -332,7 +269,7 @@ the attitude of each dwell (3)."""
 def joint(
     h: History, site: Site, spec: ImuSpec | None, *, about: Linearisation | None = None,
     free_latitude: bool = False,
-) -> Joint:  # fmt: skip
+) -> OptimalAlignment:  # fmt: skip
     """Return the optimal estimate of a history.
 
     Parameters
@@ -375,8 +312,11 @@ def joint(
     series = _series(h, site, spec, levels, local, attitude, turns, dwells)
     series = _with_tests(series, h, site, local, dwells)
     carried = np.einsum("iab,i->ab", attitude, dt)
-    gain_a, gain_v, end_a, end_v, covariance, by_prior, information, groups = _gains(
-        series, spec, carried, local[m // 2], free_latitude
+    weighed = _weigh(series)
+    normal = weighed.normal(turns, e)
+    base_rate = normal.base_rate(*np.maximum(_bias_priors(spec), (_LEAST_GYRO, 0.0)))
+    gain_a, gain_v, end_a, end_v, covariance, by_prior, by_base = _gains(
+        series, weighed, spec, base_rate, carried, local[m // 2], free_latitude
     )
     # The prior of what is left of the bias is about the negative of what was taken off.
     shift, end_shift = np.split(by_prior @ -removed, [len(by_prior) - 3])
@@ -394,19 +334,18 @@ def joint(
         if free_latitude:
             latitude = np.array([found[9], np.sqrt(covariance[9, 9])])
         r = np.asarray(quat_to_matrix(rotvec_to_quat(found[:3])) @ r)
-    right = np.zeros(len(information))
-    for turn, rows_a, move, rows_v, weighted in groups:
-        right += weighted @ np.concatenate([turns[rows_a, turn], e[rows_v, move]])
-    right += information[:, NormalEquations.GYRO] @ removed
-    start = Answer.from_gains(gain_a[:, :3], gain_v[:, :3], local, series.mean_sway)
-    end = Answer.from_gains(end_a, end_v, local, series.mean_sway)
-    return Joint(
+    normal = weighed.normal(turns, e, removed)
+    start = Answer.from_gains(
+        gain_a[:, :3], gain_v[:, :3], local, series.mean_sway, base_rate * by_base[:3]
+    )
+    end = Answer.from_gains(end_a, end_v, local, series.mean_sway, base_rate * by_base[-3:])
+    return OptimalAlignment(
         about, r, biases + np.concatenate([removed, np.zeros(3)]), covariance[:9, :9], start, end,
         found[:3] - at_end, levels, h, attitude,
         dwells, _share(series, gain_a, gain_v, local[m // 2, 2]), series.sway_levels,
         dwells == ((0, m),) and len(series.attitude_rows) > 0, latitude,
         float(np.mean(turns[:, :2] ** 2) + 4.0 * np.mean(np.maximum(1.0 - size**2, 0.0))),
-        NormalEquations(information, right),
+        normal,
     )  # fmt: skip
 
 
@@ -523,40 +462,66 @@ def _carried(once: Array, steps: Array) -> Array:
     return np.asarray((once @ steps.reshape(len(steps), 9)).reshape(steps.shape))
 
 
-_Group = tuple[int, Rows, int, Rows, Array]
-
-
-def _gains(
-    series: _Series, spec: ImuSpec | None, carried: Array, local: Array, free_latitude: bool
-) -> tuple[Array, Array, Array, Array, Array, Array, Array, list[_Group]]:
-    """Return what a unit of attitude (m, k, 3) and of velocity (m, k, 2) makes of the unknowns.
-
-    Then the same of phi at the end, which the gyros' biases and noise have carried on (best linear
-    prediction: what the residuals say of the noise up to the end is part of it); the covariance
-    (k, k) of phi_0 and the biases, and of the latitude where it is free; how all of these, and phi
-    at the end, answer to the mean (3,) of the gyro biases' prior; the information of all unknowns
-    without priors; and the weighted design of each group.
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """One of three independent groups of rows: what turns about one axis, and moves across it.
 
     Parameters
     ----------
-    series : _Series
-    spec : ImuSpec or None
-    carried : (3, 3) float64
-        Turn in i0 at the end for a unit of gyro bias, s.
-    local : (3, 3) float64
-        C_i0^n in the middle.
-    free_latitude : bool
+    turn, move : int
+        Axis of the attitude (0 to 2) and of the velocity (0, 1).
+    attitude_rows, velocity_rows : (k,) int64
+    jacobian : (a, n) float64
+        Attitude rows first.
+    weighted : (n, a) float64
+        J^T N^-1.
+    prediction : (a,) float64
+        N^-1 times the covariance with the turn that the gyros' noise has made at the end.
     """
+
+    turn: int
+    move: int
+    attitude_rows: Rows
+    velocity_rows: Rows
+    jacobian: Array
+    weighted: Array
+    prediction: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Weighed:
+    """Both series, weighted by their noise.
+
+    Parameters
+    ----------
+    groups : tuple of _Group
+    information : (n, n) float64
+        Of all unknowns, without priors.
+    """
+
+    groups: tuple[_Group, ...]
+    information: Array
+
+    def normal(self, turns: Array, e: Array, removed: Array | None = None) -> NormalEquations:
+        """Return the normal equations for turns (m, 3) and velocities (m, 2).
+
+        `removed` (3,) is the gyro bias that was taken off.
+        """
+        right = np.zeros(len(self.information))
+        for each in self.groups:
+            rows = np.concatenate(
+                [turns[each.attitude_rows, each.turn], e[each.velocity_rows, each.move]]
+            )
+            right += each.weighted @ rows
+        if removed is not None:
+            right += self.information[:, NormalEquations.GYRO] @ removed
+        return NormalEquations(self.information, right)
+
+
+def _weigh(series: _Series) -> _Weighed:
     m, n = series.design.shape[1:]
     information = np.zeros((n, n))
-    free = (_FREE_GYRO, _FREE_ACCEL)
-    sigma = free if spec is None else np.maximum((spec.gyro.bias, spec.accelerometer.bias), free)
-    prior = np.zeros(n)
-    prior[3:9] = np.repeat(1.0 / np.square(sigma), 3)
     groups: list[_Group] = []
-    predictions: list[Array] = []
-    end = np.zeros((3, n))
-    end[:, :3], end[:, 3:6] = np.eye(3), -carried
     none = np.zeros(0, np.int64)
     # A turn about east takes the force north and a turn about north takes it west; a turn about
     # up takes it nowhere. So the series fall into three independent groups.
@@ -576,28 +541,71 @@ def _gains(
         jacobian = np.concatenate([series.design[turn][rows_a], series.design[move][rows_v]])
         end_turn = flip * series.gyro_end[chosen]
         solved = np.linalg.solve(noise, np.column_stack([jacobian, end_turn])).T
-        weighted, prediction = solved[:-1], solved[-1]
-        information += weighted @ jacobian
-        end += np.outer(local[turn], prediction @ jacobian)
-        predictions.append(prediction)
-        groups.append((turn, rows_a, move - 3, rows_v, weighted))
-    # A steady turn of the base is taken for nothing here, and so is an error of the latitude.
-    used = np.arange(n - 3 if free_latitude else n - 4)
+        information += solved[:-1] @ jacobian
+        groups.append(_Group(turn, move - 3, rows_a, rows_v, jacobian, solved[:-1], solved[-1]))
+    return _Weighed(tuple(groups), information)
+
+
+def _bias_priors(spec: ImuSpec | None) -> tuple[float, float]:
+    """Return the 1-sigma of a gyro's and an accelerometer's bias, rad/s and m/s^2."""
+    if spec is None:
+        return _FREE_GYRO, _FREE_ACCEL
+    return max(spec.gyro.bias, _FREE_GYRO), max(spec.accelerometer.bias, _FREE_ACCEL)
+
+
+def _gains(
+    series: _Series, weighed: _Weighed, spec: ImuSpec | None, base_rate: float, carried: Array,
+    local: Array, free_latitude: bool,
+) -> tuple[Array, Array, Array, Array, Array, Array, Array]:  # fmt: skip
+    """Return what a unit of attitude (m, k, 3) and of velocity (m, k, 2) makes of the unknowns.
+
+    Then the same of phi at the end, which the gyros' biases and noise have carried on (best linear
+    prediction: what the residuals say of the noise up to the end is part of it); the covariance
+    (k, k) of phi_0 and the biases, and of the latitude where it is free; and how all of these, and
+    phi at the end, answer to the mean (3,) of the gyro biases' prior, and to a turn of the base.
+
+    Parameters
+    ----------
+    series : _Series
+    weighed : _Weighed
+    spec : ImuSpec or None
+    base_rate : float
+        1-sigma of a steady turn of the base about each axis, rad/s.
+    carried : (3, 3) float64
+        Turn in i0 at the end for a unit of gyro bias, s.
+    local : (3, 3) float64
+        C_i0^n in the middle.
+    free_latitude : bool
+    """
+    m, n = series.design.shape[1:]
+    information = weighed.information
+    prior = np.zeros(n)
+    prior[3:9] = np.repeat(1.0 / np.square(_bias_priors(spec)), 3)
+    prior[NormalEquations.BASE_RATE] = 1.0 / max(base_rate, _FREE_GYRO) ** 2
+    end = np.zeros((3, n))
+    end[:, :3], end[:, 3:6] = np.eye(3), -carried
+    for each in weighed.groups:
+        end += np.outer(local[each.turn], each.prediction @ each.jacobian)
+    latitude = n + NormalEquations.LATITUDE
+    used = np.array([k for k in range(n) if free_latitude or k != latitude])
     posterior = (information + np.diag(prior))[np.ix_(used, used)]
     seen = np.diag(posterior) > 0
     scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, np.diag(posterior), 1.0)), 0.0)
     scaled = posterior * np.outer(scale, scale) + np.diag(1.0 - seen)
     inverse = np.linalg.inv(scaled) * np.outer(scale, scale)
-    pick = np.array([*range(9), len(used) - 1] if free_latitude else range(9))
+    pick = np.array([*range(9), latitude] if free_latitude else range(9))
     gain_a, gain_v = np.zeros((m, len(pick), 3)), np.zeros((m, len(pick), 2))
     end_a, end_v = np.zeros((m, 3, 3)), np.zeros((m, 3, 2))
     both = np.vstack([inverse[pick], end[:, used] @ inverse])
-    for (turn, rows_a, move, rows_v, weighted), prediction in zip(groups, predictions, strict=True):
-        gain = (both @ weighted[used]).T
-        gain[:, len(pick) :] -= np.outer(prediction, local[turn])
-        here, there = np.split(gain, [len(rows_a)])
-        gain_a[rows_a, :, turn], end_a[rows_a, :, turn] = np.split(here, [len(pick)], axis=1)
-        gain_v[rows_v, :, move], end_v[rows_v, :, move] = np.split(there, [len(pick)], axis=1)
+    by_base = np.zeros((len(both), 3))
+    for each in weighed.groups:
+        gain = (both @ each.weighted[used]).T
+        gain[:, len(pick) :] -= np.outer(each.prediction, local[each.turn])
+        by_base += gain.T @ each.jacobian[:, NormalEquations.BASE_RATE]
+        here, there = np.split(gain, [len(each.attitude_rows)])
+        at = each.attitude_rows, slice(None), each.turn
+        gain_a[at], end_a[at] = np.split(here, [len(pick)], axis=1)
+        at = each.velocity_rows, slice(None), each.move
+        gain_v[at], end_v[at] = np.split(there, [len(pick)], axis=1)
     by_prior = both[:, 3:6] * prior[3:6]
-    covariance = inverse[np.ix_(pick, pick)]
-    return gain_a, gain_v, end_a, end_v, covariance, by_prior, information, groups
+    return gain_a, gain_v, end_a, end_v, inverse[np.ix_(pick, pick)], by_prior, by_base

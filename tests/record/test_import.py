@@ -109,7 +109,7 @@ def test_a_given_rate_is_the_nominal_one():
 # -- what is refused -----------------------------------------------------------------------
 
 
-def door(t, x=None, **options):
+def imported(t, x=None, **options):
     """Push rows through an intake of increments."""
     t = np.asarray(t, float)
     x = np.arange(6.0 * len(t)).reshape(-1, 6) if x is None else np.asarray(x, float)
@@ -140,7 +140,7 @@ def test_bad_time_is_an_error_that_names_the_row(spoil, sentence):
     t = rows(20)
     spoil(t)
     with pytest.raises(InputError) as error:
-        door(t)
+        imported(t)
     assert str(error.value).startswith(sentence)
 
 
@@ -157,17 +157,17 @@ def test_the_row_is_counted_over_chunks():
 def test_max_gap_lets_a_gap_through():
     t = rows(20)
     t[10:] += 1.0
-    record = door(t, max_gap=2.0)
+    record = imported(t, max_gap=2.0)
     assert record.dt[10] == pytest.approx(1.01)
     with pytest.raises(InputError, match=r"longer than the 0\.5 s that can be bridged"):
-        door(t, max_gap=0.5)
+        imported(t, max_gap=0.5)
 
 
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (lambda: door([]), "the record is empty: no data rows were found"),
-        (lambda: door([1.0]), "the record has only one data row: at least two"),
+        (lambda: imported([]), "the record is empty: no data rows were found"),
+        (lambda: imported([1.0]), "the record has only one data row: at least two"),
         (lambda: Intake("angles"), "kind must be one of rates, mean-rates, increments, got"),
         (lambda: Intake("rates", rate=0.0), "the rate must be a positive number of Hz, got 0.0"),
         (lambda: Intake("rates", rate=math.nan), "the rate must be a positive number of Hz"),
@@ -177,7 +177,7 @@ def test_max_gap_lets_a_gap_through():
             "expected 3 rows of 6 values, got an array of shape (3, 5)",
         ),
         (
-            lambda: door(rows(5), np.full((5, 6), math.nan)),
+            lambda: imported(rows(5), np.full((5, 6), math.nan)),
             "the record has no samples",
         ),
     ],

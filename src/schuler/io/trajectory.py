@@ -1,0 +1,312 @@
+"""Reading and writing trajectories: CSV, Parquet, npz, and the layouts of pyins and PSINS."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler._files import replacing
+from schuler.attitude import euler_to_quat, heading_to_psi, quat_to_euler
+from schuler.constants import DEG
+from schuler.errors import InputError, shown
+from schuler.io.sealed import read_sealed, write_sealed
+from schuler.io.spool import Spooled, is_pipe
+from schuler.trajectory import Trajectory
+
+__all__ = ["read_trajectory", "truth_path", "write_trajectory"]
+
+Array = NDArray[np.float64]
+
+LAYOUTS = ("schuler", "pyins", "psins")
+
+#: plain column name -> what it is; angles in deg, heading clockwise from north
+_NAMES = {
+    **dict.fromkeys(("t", "time", "times", "timestamp"), "t"),
+    **dict.fromkeys(("lat", "latitude"), "lat"),
+    **dict.fromkeys(("lon", "longitude", "long"), "lon"),
+    **dict.fromkeys(("height", "alt", "altitude", "h"), "height"),
+    **dict.fromkeys(("ve", "veast"), "ve"),
+    **dict.fromkeys(("vn", "vnorth"), "vn"),
+    **dict.fromkeys(("vu", "vup"), "vu"),
+    **dict.fromkeys(("vd", "vdown"), "vd"),
+    **dict.fromkeys(("heading", "yaw"), "heading"),
+    **{name: name for name in ("pitch", "roll", "qw", "qx", "qy", "qz")},
+}
+_UNITS = re.compile(r"\s*[\[(].*|_(s|deg|m|mps|rad)$")
+_LEAST = 2
+_QUAT = ("qw", "qx", "qy", "qz")
+
+
+def truth_path(record: str | Path) -> Path:
+    """Return where the truth of a record goes: ``truck.truth.parquet`` beside ``truck.csv``."""
+    record = Path(record)
+    return record.with_name(f"{record.stem}.truth.parquet")
+
+
+def read_trajectory(path: str | Path, layout: str | None = None) -> Trajectory:
+    """Read a trajectory from CSV with named columns, Parquet or npz.
+
+    Columns are known by name: time (s), lat, lon (deg), height or alt (m); VE, VN and VU or VD, or
+    v_east ... (m/s); heading (deg, clockwise from north), pitch, roll (deg); qw, qx, qy, qz (body
+    to East-North-Up), which count more than angles. So pyins tables are understood as they are.
+    Units behind names are passed over: they must be these. Rows with an empty cell are passed over.
+
+    Parameters
+    ----------
+    path : str or Path
+    layout : {"schuler", "pyins", "psins"}, optional
+        "psins": text without names, the ten columns of `avp` (pitch, roll, yaw, velocity east,
+        north, up, latitude, longitude, height, time; rad, yaw counter-clockwise).
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, lacks time or position, or has no two rows.
+    """
+    path = Path(path)
+    try:
+        _check_layout(layout)
+        # The copy of a pipe lasts as long as this object.
+        spooled = Spooled(path) if is_pipe(path) else None
+        if spooled is None and not path.is_file():
+            raise InputError("there is no such file with a trajectory")
+        there = path if spooled is None else spooled.path
+        suffix = path.suffix.lower()
+        if layout == "psins":
+            table = _psins(there)
+        elif suffix in (".parquet", ".pq"):
+            table = _parquet(there)
+        else:
+            table = _npz(there) if suffix == ".npz" else _text(there)
+        return _trajectory(table, path.name)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _check_layout(layout: str | None) -> None:
+    if layout is not None and layout not in LAYOUTS:
+        raise InputError(f"layout must be one of {', '.join(LAYOUTS)}, got '{layout}'")
+
+
+def _trajectory(table: dict[str, Array], name: str) -> Trajectory:
+    """Make a trajectory of named columns."""
+    missing = [name for name in ("t", "lat", "lon", "height") if name not in table]
+    if missing:
+        raise InputError(
+            f"a trajectory needs columns for time, lat, lon and height; {', '.join(missing)} not "
+            "found"
+        )
+    if len({len(column) for column in table.values()}) > 1:
+        raise InputError("its columns have different lengths")
+    rows = np.column_stack(list(table.values()))
+    table = dict(zip(table, rows[np.all(np.isfinite(rows), axis=1)].T, strict=True))
+    time = table["t"]
+    if len(time) < _LEAST:
+        raise InputError(f"a trajectory needs two whole rows at least, got {len(time)}")
+    if np.any(np.diff(time) <= 0):
+        k = int(np.argmax(np.diff(time) <= 0))
+        raise InputError(f"time does not advance after t = {time[k]:.9g} s; sort the rows")
+    if np.any(np.abs(table["lat"]) > 90.0) or np.any(np.abs(table["lon"]) > 360.0):
+        raise InputError("latitudes or longitudes are out of range; they must be in deg")
+    v_n = quat_nb = None
+    if "ve" in table and "vn" in table:
+        up = table.get("vu", -table["vd"] if "vd" in table else np.zeros_like(time))
+        v_n = np.column_stack([table["ve"], table["vn"], up])
+    if set(_QUAT) <= set(table):
+        quat_nb = np.column_stack([table[name] for name in _QUAT])
+        if np.any(np.abs(np.linalg.norm(quat_nb, axis=1) - 1.0) > 1e-6):
+            raise InputError("qw, qx, qy and qz are no unit quaternions")
+    elif {"heading", "pitch", "roll"} <= set(table):
+        quat_nb = euler_to_quat(np.column_stack([
+            heading_to_psi(table["heading"] * DEG), table["pitch"] * DEG, table["roll"] * DEG,
+        ]))  # fmt: skip
+    return Trajectory(
+        time, table["lat"] * DEG, table["lon"] * DEG, table["height"], v_n, quat_nb, name=name
+    )
+
+
+def _role(name: str) -> str | None:
+    plain = _UNITS.sub("", name.strip().lower())
+    return _NAMES.get(plain.replace("_", "").replace(" ", ""))
+
+
+def _roles(names: list[str]) -> dict[str, int]:
+    found: dict[str, int] = {}
+    for k, name in enumerate(names):
+        role = _role(name)
+        if role is None:
+            continue
+        if role in found:
+            raise InputError(f"two columns could both be {role}; keep one of them")
+        found[role] = k
+    return found
+
+
+def _parquet(path: Path) -> dict[str, Array]:
+    import pyarrow as pa
+
+    table = read_sealed(path)[0]
+    try:
+        return {
+            role: np.asarray(table.column(k).cast(pa.float64()).to_numpy(), np.float64)
+            for role, k in _roles(table.column_names).items()
+        }
+    except (pa.ArrowException, OSError) as error:
+        reason = str(error).splitlines()[0][:120]
+        raise InputError(f"cannot be read ({shown(reason)})") from None
+
+
+def _npz(path: Path) -> dict[str, Array]:
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            names = arrays.files
+            return {
+                role: np.asarray(arrays[names[k]], np.float64) for role, k in _roles(names).items()
+            }
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+        raise InputError(f"cannot be read ({shown(str(error)[:120])})") from None
+
+
+def _psins(path: Path) -> dict[str, Array]:
+    try:
+        rows = np.loadtxt(path, comments=("%", "#"), ndmin=2, encoding="utf-8")
+    except (OSError, ValueError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read ({shown(str(error)[:120])})") from None
+    if rows.shape[1] != 10:
+        raise InputError(f"an avp has 10 columns, got {rows.shape[1]}")
+    pitch, roll, yaw, ve, vn, vu, lat, lon, height, t = rows.T
+    quat = dict(zip(_QUAT, euler_to_quat(np.column_stack([yaw, pitch, roll])).T, strict=True))
+    return {"t": t, "lat": lat / DEG, "lon": lon / DEG, "height": height, "ve": ve, "vn": vn,
+            "vu": vu, **quat}  # fmt: skip
+
+
+def _text(path: Path) -> dict[str, Array]:
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            lines = csv.reader(line for line in file if line.strip() and not line.startswith("#"))
+            names = next(lines, [])
+            roles = _roles(names)
+            columns: list[list[float]] = [[] for _ in roles]
+            for number, cells in enumerate(lines, 1):
+                if len(cells) < len(names):
+                    raise InputError(
+                        f"data row {number} has {len(cells)} cells of {len(names)}; the file may "
+                        "be cut short"
+                    )
+                values = [cells[k].strip() for k in roles.values()]
+                if not all(values):
+                    continue
+                for column, value in zip(columns, values, strict=True):
+                    column.append(float(value))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read ({reason})") from None
+    except InputError:
+        raise
+    except ValueError as error:
+        raise InputError(f"has a cell that is not a number ({error})") from None
+    return dict(zip(roles, (np.array(c, np.float64) for c in columns), strict=True))
+
+
+def write_trajectory(
+    trajectory: Trajectory,
+    path: str | Path,
+    about: Mapping[str, Any] | None = None,
+    *,
+    layout: str = "schuler",
+) -> None:
+    """Save a trajectory, whole or not at all.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    path : str or Path
+        Its suffix chooses the format: .parquet, .csv or .npz; .txt for the layout of PSINS.
+    about : mapping, optional
+        What else is worth keeping (scenario, seed, the errors that were put in), as JSON in the
+        metadata of a Parquet file under ``schuler``.
+    layout : {"schuler", "pyins", "psins"}
+        Names, order and units of the columns, as in `read_trajectory`.
+
+    Raises
+    ------
+    InputError
+        For another suffix or layout, a layout that needs what the trajectory lacks, or if the file
+        cannot be written.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler.io import read_trajectory, write_trajectory
+    >>> from schuler.trajectory import Trajectory
+    >>> still = Trajectory(np.arange(3.0), np.full(3, 0.6), np.full(3, 1.9), np.full(3, 380.0))
+    >>> write_trajectory(still, "still.csv")  # doctest: +SKIP
+    >>> len(read_trajectory("still.csv"))  # doctest: +SKIP
+    3
+    """
+    path, suffix = Path(path), Path(path).suffix.lower()
+    _check_layout(layout)
+    if suffix not in (".parquet", ".csv", ".npz") and (suffix, layout) != (".txt", "psins"):
+        raise InputError(
+            f"{path}: cannot write a trajectory as '{suffix}'; use .parquet, .csv or .npz"
+        )
+    if not len(trajectory):
+        raise InputError(f"{path}: the trajectory has no rows, so there is nothing to write")
+    columns = {"schuler": Trajectory.columns, "pyins": _as_pyins, "psins": _as_psins}[layout](
+        trajectory
+    )
+    with replacing(path) as part:
+        if suffix == ".npz":
+            with part.open("wb") as file:
+                np.savez(file, **columns)  # type: ignore[arg-type]
+        elif suffix == ".parquet":
+            import pyarrow as pa
+
+            table = pa.table({k: pa.array(np.ascontiguousarray(v)) for k, v in columns.items()})
+            text = json.dumps(dict(about or {}), allow_nan=False)
+            write_sealed(
+                table, part, {"schuler": text},
+                compression="zstd", use_dictionary=False, row_group_size=1 << 18,
+            )  # fmt: skip
+        else:
+            names = None if layout == "psins" else ",".join(columns)
+            _write_text(part, names, columns, "  " if layout == "psins" else ",")
+
+
+def _write_text(path: Path, names: str | None, columns: Mapping[str, Array], apart: str) -> None:
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        if names is not None:
+            file.write(f"{names}\n")
+        for row in np.column_stack(list(columns.values())).tolist():
+            file.write(apart.join(map(repr, row)) + "\n")
+
+
+def _as_pyins(trajectory: Trajectory) -> dict[str, Array]:
+    """Return the columns of a pyins table; velocity is north, east, down."""
+    trajectory.known("quat_nb")
+    own = trajectory.columns()
+    east, north, up = trajectory.known("v_n").T
+    return {
+        "time": own["t [s]"], "lat": own["lat [deg]"], "lon": own["lon [deg]"],
+        "alt": own["height [m]"], "VN": north, "VE": east, "VD": -up,
+        "roll": own["roll [deg]"], "pitch": own["pitch [deg]"], "heading": own["heading [deg]"],
+    }  # fmt: skip
+
+
+def _as_psins(trajectory: Trajectory) -> dict[str, Array]:
+    """Return the ten columns of PSINS's avp."""
+    psi, theta, gamma = quat_to_euler(trajectory.known("quat_nb")).T
+    east, north, up = trajectory.known("v_n").T
+    return {
+        "pitch": theta, "roll": gamma, "yaw": psi, "ve": east, "vn": north, "vu": up,
+        "lat": trajectory.lat, "lon": trajectory.lon, "height": trajectory.height,
+        "t": trajectory.time,
+    }  # fmt: skip

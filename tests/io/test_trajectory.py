@@ -1,0 +1,101 @@
+"""Trajectories: what is written is read again, in every format and layout."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import schuler as sc
+from schuler.errors import InputError
+from schuler.motion import Manoeuvre, Route
+
+SITE = sc.Site(-33.5, 179.999, 120.0)
+
+
+@pytest.fixture(scope="module")
+def drive():
+    motion = Route(
+        heading=70.0, manoeuvres=[Manoeuvre(20.0, speed=30.0), Manoeuvre(10.0, turn=80.0)]
+    )
+    return sc.simulate(motion, SITE, 40.0, 10.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "layout"),
+    [("a.parquet", "schuler"), ("a.csv", "schuler"), ("a.npz", "schuler"), ("a.csv", "pyins"),
+     ("a.parquet", "pyins"), ("a.txt", "psins")],
+)  # fmt: skip
+def test_what_is_written_is_read_again(drive, tmp_path, name, layout):
+    path, truth = tmp_path / name, drive.truth
+    sc.write_trajectory(truth, path, layout=layout)
+    again = sc.read_trajectory(path, layout=layout)
+    assert np.array_equal(again.time, truth.time)
+    # Degrees and radians, angles and quaternions: rounding, and no more.
+    metres = np.abs(again.position - truth.position) * [6.4e6, 6.4e6, 1.0]
+    assert metres.max() < 1e-8
+    np.testing.assert_allclose(again.v_n, truth.v_n, atol=1e-12)
+    same = np.sum(again.quat_nb * truth.quat_nb, axis=1)
+    np.testing.assert_allclose(np.abs(same), 1.0, atol=1e-14)
+
+
+def test_a_path_is_evaluated_against_the_truth_and_its_file(drive, tmp_path):
+    truth = drive.truth
+    path = sc.navigate(drive.record, sc.Start(SITE, truth.quat_nb[0], truth.v_n[0]))
+    found = sc.evaluate(path, truth)
+    sc.write_trajectory(truth, tmp_path / "truth.csv")
+    from_file = sc.evaluate(path, sc.read_trajectory(tmp_path / "truth.csv"))
+    assert np.abs(found.position).max() < 0.01
+    np.testing.assert_allclose(from_file.position, found.position, atol=1e-8)
+    np.testing.assert_allclose(from_file.phi, found.phi, atol=1e-12)
+
+
+def test_position_alone_is_a_trajectory(drive, tmp_path):
+    t = drive.truth
+    bare = sc.Trajectory(t.time, t.lat, t.lon, t.height)
+    sc.write_trajectory(bare, tmp_path / "bare.csv")
+    again = sc.read_trajectory(tmp_path / "bare.csv")
+    assert again.v_n is None
+    assert again.quat_nb is None
+    with pytest.raises(InputError, match="has no velocity"):
+        sc.evaluate(bare, t)
+    with pytest.raises(InputError, match="has no attitude"):
+        sc.write_trajectory(bare, tmp_path / "bare.txt", layout="psins")
+    assert not (tmp_path / "bare.txt").exists()
+
+
+def test_a_table_has_named_columns(drive):
+    pytest.importorskip("pandas")
+    table = drive.truth.to_pandas()
+    assert len(table) == len(drive.truth)
+    assert np.array_equal(table["height [m]"], drive.truth.height)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [({"v_n": np.zeros((3, 2))}, "v_n of shape"), ({"lat": np.zeros(2)}, "lat of shape")],
+)
+def test_other_shapes_are_refused(change, text):
+    arrays = {name: np.zeros(3) for name in ("time", "lat", "lon", "height")}
+    with pytest.raises(InputError, match=text):
+        sc.Trajectory(**(arrays | change))
+
+
+@pytest.mark.parametrize(
+    ("content", "layout", "text"),
+    [("1 2 3\n4 5 6\n", "psins", "10 columns"), ("t,lat,lon\n", None, "height not found"),
+     ("t,lat,lon,height\n0,1,2,3\n0,1,2,3\n", None, "does not advance"),
+     ("t,lat,lon,height\n0,1,2,3\n", None, "two whole rows"), ("x", "nmea", "layout must be"),
+     ("t,lat,lon,height,qw,qx,qy,qz\n0,1,2,3,1,1,0,0\n1,1,2,3,1,0,0,0\n", None, "unit")],
+)  # fmt: skip
+def test_a_bad_file_is_one_sentence(tmp_path, content, layout, text):
+    path = tmp_path / "bad.csv"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(InputError, match=text):
+        sc.read_trajectory(path, layout=layout)
+
+
+def test_damaged_npz_is_one_sentence(tmp_path):
+    path = tmp_path / "bad.npz"
+    path.write_bytes(b"PK\x03\x04 nothing of the kind")
+    with pytest.raises(InputError, match="cannot be read"):
+        sc.read_trajectory(path)
