@@ -14,6 +14,7 @@ from schuler.alignment import (
     KalmanAlignment,
     align_windows,
     align_without_latitude,
+    parse_method,
 )
 from schuler.campaigns import Campaign
 from schuler.config import load_scenario
@@ -97,11 +98,11 @@ def test_every_result_that_says_so_makes_a_report(tmp_path: Path):
         assert there.stat().st_size > 10_000
 
 
-def test_a_campaign_refuses_options_that_its_rows_cannot_hold():
+def test_a_campaign_keeps_the_options_of_a_method():
     scenario = load_scenario(Path(__file__).parents[1] / "examples/scenarios/static_base.toml")
-    with pytest.raises(InputError, match="options that a campaign's rows cannot hold"):
-        Campaign(scenario, 2, methods=(KalmanAlignment(passes=3),))
-    assert Campaign(scenario, 2, methods=(KalmanAlignment(),)).methods == ("kalman",)
+    campaign = Campaign(scenario, 2, methods=(KalmanAlignment(passes=3), KalmanAlignment()))
+    assert campaign.methods == ("kalman(passes=3)", "kalman")
+    assert parse_method(campaign.methods[0]) == KalmanAlignment(passes=3)
 
 
 def test_a_dataset_takes_no_unit_that_it_would_pass_over():

@@ -11,7 +11,11 @@ inertial frames
     equator; z along Earth's spin). ib0: the body frame frozen at the start.
 attitude
     C_b^n maps body vectors to n; a Hamilton quaternion (w, x, y, z) inside,
-    `scipy.spatial.transform.Rotation` in the public face.
+    `scipy.spatial.transform.Rotation` in public results.
+names
+    A vector ends in its frame (``f_b``, ``v_n``). A rotation ends in the frame that it maps to and
+    the one that it maps from: ``mat_nb`` and ``quat_nb`` map body vectors to n, ``quat_ib0_b`` to
+    ib0, ``quat_en`` from n to the Earth.
 Euler angles
     C_b^n = Rz(psi) Rx(theta) Ry(gamma): psi counter-clockwise seen from above, theta pitch in
     [-90, 90] deg, gamma roll in (-180, 180] deg. A person reads the heading, clockwise from
@@ -23,7 +27,7 @@ IMU samples
 bias
     measured = true + bias.
 units
-    SI and radians inside; units with names live at the borders (files, CLI, reports).
+    SI and radians inside; units with names only in files, on the command line and in reports.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+import math
 import os
 import platform
 import re
@@ -13,14 +14,17 @@ import stat
 import sys
 import tempfile
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from schuler.errors import InputError
 
-__all__ = ["check_target", "is_special", "parse_json", "parse_toml", "read_toml", "replacing"]
+__all__ = [
+    "check_keys", "check_target", "is_special", "number", "parse_json", "parse_toml", "read_toml",
+    "replacing",
+]  # fmt: skip
 
 _STANDARD_OUTPUT = "-"
 _counter = itertools.count()
@@ -218,6 +222,47 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     except ValueError as error:
         raise InputError(f"{path}: is not valid TOML ({error})") from None
+
+
+def check_keys(table: Any, known: Iterable[str], where: str = "", prefix: str = "") -> None:
+    """Refuse what is no table, and keys that a table has not.
+
+    Parameters
+    ----------
+    table : object
+        As it came from a file.
+    known : iterable of str
+    where : str
+        What the table is, for the message.
+    prefix : str
+        Put before the key in the message.
+
+    Raises
+    ------
+    InputError
+        Naming the first key that is unknown, and the known ones.
+    """
+    before = f"{where}: " if where else ""
+    if not isinstance(table, dict):
+        what = where or prefix.rstrip(".") or "the file"
+        raise InputError(f"{what}: expected a table, got {table!r}")
+    names = list(known)
+    for key in table:
+        if key not in names:
+            raise InputError(f"{before}unknown key '{prefix}{key}'; known: {', '.join(names)}")
+
+
+def number(value: Any, what: str, unit: str = "") -> float:
+    """Return a finite number of a table.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise InputError(f"{what}: expected a number{unit}, got {value!r}")
+    return float(value)
 
 
 def parse_json(text: str | bytes) -> Any:

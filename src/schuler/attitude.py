@@ -1,6 +1,6 @@
 """Attitude, vectorised: quaternion, matrix, rotation vector, Euler angles, heading.
 
-Quaternions are Hamilton, scalar first, ``q_nb`` maps body vectors to n. Euler angles are
+Quaternions are Hamilton, scalar first, ``quat_nb`` maps body vectors to n. Euler angles are
 (psi, theta, gamma) with C_b^n = Rz(psi) Rx(theta) Ry(gamma), rad; see the package docstring.
 Every function takes leading dimensions freely.
 """
@@ -187,7 +187,7 @@ def heading_sigma(quat: ArrayLike, covariance: ArrayLike) -> float:
     Parameters
     ----------
     quat : (4,) array_like
-        q_b^n.
+        quat_nb.
     covariance : (3, 3) array_like
         Of phi, rad^2, with C_est = (I - [phi x]) C_true.
     """

@@ -134,7 +134,7 @@ def test_positions_file(tmp_path):
             "position 1: a position's dwell must be positive|positive time",
         ),
         ("[[position]", "not valid TOML"),
-        ("[[position]]\nroll_deg = nan", "must be finite"),
+        ("[[position]]\nroll_deg = nan", "expected a number of degrees"),
     ],
 )
 def test_bad_positions_files(tmp_path, text, words):

@@ -44,8 +44,8 @@ _BIAS_MISSING = (
 class Aligner:
     """Align a stream: `update` with chunks, `solution` whenever it is wanted.
 
-    Memory is constant for any length, unless a prefilter needs the whole record, and any chunking
-    gives the same bits.
+    Memory is constant for any length, unless a prefilter or a method that needs the samples
+    (`Method.needs`) keeps the record. Any chunking gives the same bits.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler._files import read_toml
+from schuler._files import check_keys, number, read_toml
 from schuler.attitude import euler_to_quat, quat_to_matrix, skew
 from schuler.constants import DEG
 from schuler.earth import Site
@@ -227,11 +227,7 @@ def load_positions(path: str | Path) -> list[Position]:
 
 def _position(table: Any, where: str) -> Position:
     keys = ("heading_ccw_deg", "pitch_deg", "roll_deg", "dwell", "turn")
-    if not isinstance(table, dict):
-        raise InputError(f"{where}: expected a table")
-    unknown = set(table) - set(keys)
-    if unknown:
-        raise InputError(f"{where}: unknown key '{min(unknown)}'; the keys are {', '.join(keys)}")
+    check_keys(table, keys, where)
     values: dict[str, float] = {}
     for key in keys:
         if key not in table:
@@ -239,10 +235,8 @@ def _position(table: Any, where: str) -> Position:
         value = table[key]
         if key in ("dwell", "turn"):
             values[key] = parse(value, "time", f"{where}: {key}")
-        elif isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"{where}: {key}: expected a number of degrees, got {value!r}")
         else:
-            values[key] = float(value)
+            values[key] = number(value, f"{where}: {key}", " of degrees")
     try:
         return Position(**values)
     except InputError as error:

@@ -88,7 +88,7 @@ class History:
 
     @property
     def quat(self) -> Array:
-        """q_b^ib0 at each instant, (k, 4)."""
+        """quat_ib0_b at each instant, (k, 4)."""
         return self.nodes.quat_ib0_b
 
     @property

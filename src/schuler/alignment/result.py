@@ -55,7 +55,7 @@ class Alignment(Shown):
     at : {"start", "end"}
         The instant of the attitude.
     quat_nb : (4,) float64
-        q_b^n, scalar first.
+        quat_nb, scalar first.
     covariance : (3, 3) float64
         Of phi (east, north, up), rad^2: the sum of the budget.
     budget : dict of str to (3, 3) float64

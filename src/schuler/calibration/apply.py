@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler._files import read_toml, replacing
+from schuler._files import check_keys, read_toml, replacing
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -134,10 +134,7 @@ class Calibration:
         for part in ("gyro", "accel"):
             table = data.get(part, {})
             known = ("bias", "matrix", "bias_sigma", "matrix_sigma")
-            odd = sorted(set(table) - set(known)) if isinstance(table, dict) else ["not a table"]
-            if odd:
-                raise InputError(f"{path}: [{part}] has an unknown key '{odd[0]}'; known: "
-                                 f"{', '.join(known)}")  # fmt: skip
+            check_keys(table, known, f"{path}: [{part}]")
             for key, value in table.items():
                 try:
                     array = np.asarray(value, dtype=np.float64)

@@ -95,7 +95,7 @@ def calibrate_systematic(
     record : ImuRecord
     site : Site
     start : (4,) array_like
-        q_b^n at the start, as the table or an alignment gives it.
+        quat_nb at the start, as the table or an alignment gives it.
     still_rate : float
         The instrument rests where its mean rate over a block is below this, rad/s.
     gyro_noise, accel_noise : float

@@ -1,1 +1,1 @@
-"""Mathematics with no IMU in it: vectors, information, variance components, consistency."""
+"""Mathematics with no IMU in it: directions (TRIAD, Wahba), information."""

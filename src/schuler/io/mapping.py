@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from schuler._files import read_toml, replacing
+from schuler._files import check_keys, read_toml, replacing
 from schuler.errors import InputError
 from schuler.io.axes import parse_axes
 from schuler.sensors.array import load_array
@@ -206,9 +206,7 @@ class Mapping:
             For an unknown key or a bad value.
         """
         known = [f.name for f in fields(cls)]
-        for key in data:
-            if key not in known:
-                raise InputError(f"unknown key '{key}'; known: {', '.join(known)}")
+        check_keys(dict(data), known)
         return cls(**data)
 
     @classmethod

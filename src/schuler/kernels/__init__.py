@@ -5,5 +5,5 @@ and are resumable: a loop over samples takes its state, works through one chunk,
 state ready for the next, so that any chunking of a record gives bit-identical results.
 
 The whole convention is in the package docstring (`schuler`). Frames are named by suffix:
-``q_nb`` maps body vectors to n. Small vectors are tuples of scalars (`vec`, `quat`).
+``quat_nb`` maps body vectors to n. Small vectors are tuples of scalars (`vec`, `quat`).
 """

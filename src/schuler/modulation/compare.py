@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler._files import read_toml
+from schuler._files import check_keys, number, read_toml
 from schuler._notebook import Shown
 from schuler.constants import DEG, DEG_PER_HOUR
 from schuler.earth import Site
@@ -104,15 +104,15 @@ class RotationCase:
         InputError
             For an unknown key or a bad value.
         """
-        _known(data, _KEYS, "")
+        check_keys(data, _KEYS)
         site = data.get("site", {})
-        _known(site, ("lat", "lon", "height"), "site.")
-        where = Site(*(_number(site.get(k, 0.0), f"site.{k}") for k in ("lat", "lon", "height")))
+        check_keys(site, ("lat", "lon", "height"), prefix="site.")
+        where = Site(*(number(site.get(k, 0.0), f"site.{k}") for k in ("lat", "lon", "height")))
         array = load_array(_beside(str(data.get("array", "triad")), folder))
         errors = data.get("errors")
         if not isinstance(errors, dict):
             raise InputError("the table [errors] is missing")
-        _known(errors, tuple(_ERRORS), "errors.")
+        check_keys(errors, _ERRORS, prefix="errors.")
         counts = {"gyro_bias": len(array), "gyro_scale": len(array)}
         values = {
             key: _quantities(errors.get(key), kind, counts.get(key, 3), f"errors.{key}")
@@ -128,7 +128,7 @@ class RotationCase:
         return cls(
             str(data.get("name", name)), array, values["gyro_bias"], values["gyro_scale"],
             values["accel_bias"], values["accel_scale"], duration, where,
-            _number(data.get("heading", 0.0), "heading"), latitudes, headings,
+            number(data.get("heading", 0.0), "heading"), latitudes, headings,
             _scheme(data.get("single_axis", {"scheme": "reciprocating", "rate": "2 deg/s"}),
                     "single_axis", folder),
             _scheme(data.get("two_axis", {"scheme": "two-axis-16"}), "two_axis", folder),
@@ -139,24 +139,10 @@ def _beside(text: str, folder: Path) -> str:
     return str(folder / text) if text.endswith(".toml") else text
 
 
-def _known(table: Any, keys: tuple[str, ...], where: str) -> None:
-    if not isinstance(table, dict):
-        raise InputError(f"{where.rstrip('.') or 'the case'}: expected a table, got {table!r}")
-    for key in table:
-        if key not in keys:
-            raise InputError(f"unknown key '{where}{key}'; known: {', '.join(keys)}")
-
-
-def _number(value: Any, what: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise InputError(f"{what}: expected a number, got {value!r}")
-    return float(value)
-
-
 def _numbers(value: Any, what: str) -> Array:
     if not isinstance(value, list) or not value:
         raise InputError(f"{what}: expected a list of numbers, got {value!r}")
-    return np.array([_number(v, what) for v in value])
+    return np.array([number(v, what) for v in value])
 
 
 def _quantities(value: Any, kind: str, count: int, what: str) -> Array:
@@ -171,7 +157,9 @@ def _quantities(value: Any, kind: str, count: int, what: str) -> Array:
 def _scheme(table: Any, what: str, folder: Path) -> Scheme:
     if isinstance(table, str):
         return load_scheme(_beside(table, folder))
-    _known(table, ("scheme", "rate", "acceleration", "dwell", "travel", "encoder"), f"{what}.")
+    check_keys(
+        table, ("scheme", "rate", "acceleration", "dwell", "travel", "encoder"), prefix=f"{what}."
+    )
     name = _beside(str(table.get("scheme", "")), folder)
     if name.endswith(".toml"):
         if len(table) > 1:
@@ -179,9 +167,9 @@ def _scheme(table: Any, what: str, folder: Path) -> Scheme:
         return load_scheme(name)
     limits = Limits(
         parse(table.get("rate", "10 deg/s"), "angular rate", f"{what}.rate") / DEG,
-        _number(table.get("acceleration", 20.0), f"{what}.acceleration"),
-        None if "travel" not in table else _number(table["travel"], f"{what}.travel"),
-        _number(table.get("encoder", 0.0), f"{what}.encoder"),
+        number(table.get("acceleration", 20.0), f"{what}.acceleration"),
+        None if "travel" not in table else number(table["travel"], f"{what}.travel"),
+        number(table.get("encoder", 0.0), f"{what}.encoder"),
     )
     dwell = parse(table["dwell"], "time", f"{what}.dwell") if "dwell" in table else None
     return named_scheme(name, dwell=dwell, limits=limits)

@@ -46,7 +46,7 @@ class Track:
 
     @property
     def quat_nb(self) -> Array:
-        """q_b^n (n, 4)."""
+        """quat_nb (n, 4)."""
         q = euler_to_quat(self.angles[:, 0, :, 0])
         for k in range(1, self.angles.shape[1]):
             q = multiply(q, euler_to_quat(self.angles[:, k, :, 0]))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler._files import read_toml
+from schuler._files import check_keys, number, read_toml
 from schuler.attitude import euler_to_quat, multiply
 from schuler.constants import DEG
 from schuler.errors import InputError
@@ -204,29 +204,31 @@ class Scheme:
         InputError
             For an unknown key, a value of another kind, or more than the table can do.
         """
-        _known(data, ("name", "about", "limits", "step"), "scheme")
+        check_keys(data, ("name", "about", "limits", "step"), "scheme")
         name = str(data.get("name", name))
         given = data.get("limits", {})
-        _known(given, ("rate", "acceleration", "travel", "encoder"), f"scheme '{name}', limits")
-        limits = Limits(**{k: _number(v, f"limits.{k}") for k, v in given.items()})
+        check_keys(given, ("rate", "acceleration", "travel", "encoder"), f"scheme '{name}', limits")
+        limits = Limits(**{k: number(v, f"limits.{k}") for k, v in given.items()})
         steps: list[Dwell | Turn | Spin] = []
         if not isinstance(data.get("step"), list):
             raise InputError(f"scheme '{name}': [[step]] tables are missing")
         for k, table in enumerate(data["step"], 1):
             where = f"scheme '{name}', step {k}"
-            _known(table, ("dwell", "turn", "spin", "angle", "rate", "acceleration", "time"), where)
+            check_keys(
+                table, ("dwell", "turn", "spin", "angle", "rate", "acceleration", "time"), where
+            )
             kinds = [kind for kind in ("dwell", "turn", "spin") if kind in table]
             if len(kinds) != 1:
                 raise InputError(f"{where}: say one of dwell, turn and spin")
             keys = {"dwell": (), "turn": ("angle", "rate", "acceleration"),
                     "spin": ("rate", "time")}[kinds[0]]  # fmt: skip
-            _known(table, (kinds[0], *keys), where)
-            value = {key: _number(table[key], f"{where}: {key}") for key in keys if key in table}
+            check_keys(table, (kinds[0], *keys), where)
+            value = {key: number(table[key], f"{where}: {key}") for key in keys if key in table}
             for key in {"turn": ("angle",), "spin": ("rate", "time")}.get(kinds[0], ()):
                 if key not in value:
                     raise InputError(f"{where}: {key} is missing")
             if kinds[0] == "dwell":
-                steps.append(Dwell(_number(table["dwell"], f"{where}: dwell")))
+                steps.append(Dwell(number(table["dwell"], f"{where}: dwell")))
             elif kinds[0] == "spin":
                 steps.append(Spin(str(table["spin"]), value["rate"], value["time"]))
             else:
@@ -253,20 +255,6 @@ class Scheme:
             raise InputError(f"{path}: {error}") from None
 
 
-def _known(table: Any, keys: tuple[str, ...], where: str) -> None:
-    if not isinstance(table, dict):
-        raise InputError(f"{where}: expected a table, got {table!r}")
-    for key in table:
-        if key not in keys:
-            raise InputError(f"{where}: unknown key '{key}'; known: {', '.join(keys)}")
-
-
-def _number(value: Any, what: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise InputError(f"{what}: expected a number, got {value!r}")
-    return float(value)
-
-
 @dataclass(frozen=True)
 class NorthLocked:
     """A table on a carrier whose outer axis takes the carrier's heading out."""
@@ -290,7 +278,7 @@ class NorthLocked:
 
 
 def carrier_attitude(imu: ArrayLike, encoder: ArrayLike) -> Array:
-    """Return the carrier's q_b^n from the IMU's and the table's angles.
+    """Return the carrier's quat_nb from the IMU's and the table's angles.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ class Fix(Protocol):
 
     @property
     def quat_nb(self) -> Array:
-        """q_b^n, (4,)."""
+        """quat_nb, (4,)."""
 
     @property
     def covariance(self) -> Array:
@@ -43,7 +43,7 @@ class Fix(Protocol):
 
 
 def frame_of(lat: float, lon: float) -> Array:
-    """Return q_n^e (4,) of East-North-Up at a latitude and longitude, rad."""
+    """Return quat_en (4,) of East-North-Up at a latitude and longitude, rad."""
     sl, cl, so, co = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
     columns = [[-so, co, 0.0], [-sl * co, -sl * so, cl], [cl * co, cl * so, sl]]
     return nearest_quat(np.array(columns).T)

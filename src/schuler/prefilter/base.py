@@ -185,7 +185,7 @@ def each_channel(
 
 
 def held_frame(record: ImuRecord) -> Array:
-    """Return q_b^ib0 (n, 4) at the middle of each sample: the frame that the gyros hold."""
+    """Return quat_ib0_b (n, 4) at the middle of each sample: the frame that the gyros hold."""
     from schuler.kernels.tracking import attitudes
 
     out = np.empty((len(record), 4))

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler._files import read_toml
+from schuler._files import check_keys, read_toml
 from schuler.errors import InputError
 from schuler.record import ImuRecord
 
@@ -261,9 +261,7 @@ class SensorArray:
         path = Path(path)
         data = read_toml(path)
         known = ("name", "directions", "sigma", "bias_deg_h", "scale_ppm")
-        for key in data:
-            if key not in known:
-                raise InputError(f"{path}: unknown key '{key}'; known: {', '.join(known)}")
+        check_keys(data, known, str(path))
         try:
             h = np.array(data["directions"], np.float64)
             with np.errstate(invalid="ignore"):

@@ -84,7 +84,7 @@ class FilterHistory:
     t : (k,) float64
         s since the start of the record.
     quaternion : (k, 4) float64
-        q_b^n.
+        quat_nb.
     sigma : (k, 3) float64
         Of phi, rad.
     gyro_bias, accel_bias : (k, 3) float64
