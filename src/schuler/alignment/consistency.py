@@ -257,7 +257,7 @@ def earth_rate_test(
         accel = float(np.hypot(accel, bias_sigma(spec.accelerometer, force)))
     scale = gyro or _UNSPECIFIED_GYRO
     # What a base yaws with its tilting, and what two tilts make of yaw to second order.
-    yaw = float(np.hypot(normal.base_rate(scale, accel), best.tilt / best.history.duration))
+    yaw = float(np.hypot(normal.base_rate(scale, accel)[0], best.tilt / best.history.duration))
     prior = normal.priors(scale, accel, (np.inf, np.inf, yaw))
     seen = _Observable.of(normal, "gyro", prior, scale)
     probability = seen.probability(gyro)

@@ -112,8 +112,8 @@ class NormalEquations:
         out[self.BASE_RATE] = base_rate
         return out
 
-    def base_rate(self, gyro: float, accel: float) -> float:
-        """Return the 1-sigma rate of the base that its tilting makes likely, rad/s.
+    def base_rate(self, gyro: float, accel: float) -> tuple[float, float]:
+        """Return the base's likely rate (1-sigma, rad/s) and the probability that it does not turn.
 
         The prior says with `_STILL` that the base does not turn at all; the rest is spread over
         sizes. Three axes turn alike, of which two are seen: the size of the third is known by a
@@ -127,7 +127,7 @@ class NormalEquations:
         found, covariance = self.solve(self.priors(gyro, accel, (np.inf, np.inf, 0.0)))
         tilt, noise = found[-3:-1], covariance[-3:-1, -3:-1]
         if not np.all(np.diag(noise) > 0):
-            return 0.0
+            return 0.0, 1.0
         unit = float(np.sqrt(np.diag(noise).mean()))
         sizes = np.concatenate([[0.0], np.geomspace(0.5, 1000.0, 40) * unit])
         log = np.empty(len(sizes))
@@ -136,4 +136,6 @@ class NormalEquations:
             log[k] = -0.5 * (np.linalg.slogdet(total)[1] + tilt @ np.linalg.solve(total, tilt))
         weight = np.exp(log - log.max())
         weight[1:] *= (1.0 - _STILL) / (_STILL * (len(sizes) - 1))
-        return float(np.sqrt(np.minimum(sizes, _LARGEST_BASE_RATE) ** 2 @ weight / weight.sum()))
+        weight /= weight.sum()
+        size = float(np.sqrt(np.minimum(sizes, _LARGEST_BASE_RATE) ** 2 @ weight))
+        return size, float(weight[0])

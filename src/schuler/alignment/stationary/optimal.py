@@ -159,7 +159,7 @@ class OptimalAlignment:
     sway_levels : (3, 2) float64
         Levels of a bounded and of a wandering turn of the base about east, north and up.
     steady : bool
-        Whether the unit is on one base all the time.
+        Whether the unit is on one base all the time that does not turn.
     latitude : (2,) float64
         How far the latitude is off, and its 1-sigma, rad; zero where it is taken for known.
     tilt : float
@@ -314,7 +314,7 @@ def joint(
     carried = np.einsum("iab,i->ab", attitude, dt)
     weighed = _weigh(series)
     normal = weighed.normal(turns, e)
-    base_rate = normal.base_rate(*np.maximum(_bias_priors(spec), (_LEAST_GYRO, 0.0)))
+    base_rate, at_rest = normal.base_rate(*np.maximum(_bias_priors(spec), (_LEAST_GYRO, 0.0)))
     gain_a, gain_v, end_a, end_v, covariance, by_prior, by_base = _gains(
         series, weighed, spec, base_rate, carried, local[m // 2], free_latitude
     )
@@ -343,7 +343,7 @@ def joint(
         about, r, biases + np.concatenate([removed, np.zeros(3)]), covariance[:9, :9], start, end,
         found[:3] - at_end, levels, h, attitude,
         dwells, _share(series, gain_a, gain_v, local[m // 2, 2]), series.sway_levels,
-        dwells == ((0, m),) and len(series.attitude_rows) > 0, latitude,
+        dwells == ((0, m),) and len(series.attitude_rows) > 0 and at_rest > 0.5, latitude,
         float(np.mean(turns[:, :2] ** 2) + 4.0 * np.mean(np.maximum(1.0 - size**2, 0.0))),
         normal,
     )  # fmt: skip
