@@ -14,7 +14,8 @@ import numpy as np
 
 from schuler.alignment import KalmanAlignment, align
 from schuler.earth import Site
-from schuler.kernels import kalman
+from schuler.kernels import covariance_steps
+from schuler.kernels.ins_layout import padded
 from schuler.motion import DisturbedVehicle
 from schuler.sensors import GRADES
 from schuler.simulation import simulate
@@ -24,14 +25,14 @@ LONG = 10_000_000
 
 
 def system() -> tuple[np.ndarray, ...]:
-    """Return transition, noise, rows and variances like those of an alignment."""
+    """Return transition, noise, rows and variances like those of an aided navigation."""
     rng = np.random.default_rng(1)
     phi = np.eye(N)
-    phi[0:3, 6:9] = phi[3:6, 9:12] = 0.01 * rng.normal(size=(3, 3))
+    phi[0:3, 9:12] = phi[3:6, 12:15] = 0.01 * rng.normal(size=(3, 3))
     phi[3:6, 0:3] = 0.098 * np.array([[0, -1, 0], [1, 0, 0], [0, 0, 0]])
-    phi[12:15, 3:6] = 0.01 * np.eye(3)
+    phi[6:9, 3:6] = 0.01 * np.eye(3)
     h = np.zeros((M, N))
-    h[:, 12:15] = np.eye(3)
+    h[:, 6:9] = np.eye(3)
     return phi, 1e-10 * np.ones(N), h, 1e-4 * np.ones(M)
 
 
@@ -75,19 +76,41 @@ def pyins_step() -> float | None:
 def run() -> list[dict[str, Any]]:
     """Measure."""
     phi, q, h, r = system()
-    p, x = 1e-4 * np.eye(N), np.zeros(N)
-    z, room = np.zeros(M), (np.zeros((N, N)), *np.zeros((3, N)))
-    steps = 20_000
+    p = 1e-4 * np.eye(N)
+    steps, size = 20_000, padded(N)
+    # The kernels' arrays: rows padded, the transition's dynamic rows alone.
+    wide_p, wide_h = np.zeros((size, size)), np.zeros((M, size))
+    wide_p[:N, :N], wide_h[:, :N] = p, h
+    wide_phi, wide_q, decay = np.zeros((9, size)), np.zeros(size), np.ones(size)
+    wide_phi[:, :N], wide_q[:N] = phi[:9], q
+    columns = np.zeros((3, size + 1), np.int64)
+    covariance_steps.find_columns(wide_phi, columns, 9)
+    wide = covariance_steps.WIDTH
+    room = np.zeros((9, size)), np.zeros((size, wide)), np.zeros((9, wide))
+    lines = np.zeros((5, size))
 
     import numba
 
     @numba.njit
-    def loop(count, p, x, phi, q, z, h, r, work, ph, k, spare):  # type: ignore[no-untyped-def]
+    def loop(count, p, phi, columns, decay, q, h, r, work, flipped, block, lines):  # type: ignore[no-untyped-def]
+        x, ph, gain, spare, line = lines[0], lines[1], lines[2], lines[3], lines[4]
         for _ in range(count):
-            kalman.step(p, x, phi, q, z, h, r, work, ph, k, spare, N)
+            covariance_steps.move_state(x, phi, decay, line, 9)
+            covariance_steps.predict(p, phi, columns, decay, q, work, flipped, block, 9)
+            for m in range(h.shape[0]):
+                variance = r[m] + covariance_steps.sparse_product(p, h[m], ph)
+                innovation = 0.0
+                for i in range(x.shape[0]):
+                    innovation -= h[m, i] * x[i]
+                for i in range(x.shape[0]):
+                    gain[i] = ph[i] / variance
+                    x[i] += gain[i] * innovation
+                covariance_steps.apply_gain(p, h[m], ph, gain, r[m], spare)
 
-    loop(10, p, x, phi, q, z, h, r, *room)
-    ours = best(lambda: loop(steps, p, x, phi, q, z, h, r, *room)) / steps
+    arguments = (wide_p, wide_phi, columns, decay, wide_q, wide_h, r, *room, lines)
+    loop(10, *arguments)
+    ours = best(lambda: loop(steps, *arguments)) / steps
+    z = np.zeros(M)
 
     def plain() -> None:
         x, p = np.zeros(N), 1e-4 * np.eye(N)
@@ -103,7 +126,8 @@ def run() -> list[dict[str, Any]]:
 
     numpy = best(plain) / 500
     peer = pyins_step()
-    loop(LONG, p, x, phi, q, z, h, r, *room)
+    loop(LONG, *arguments)
+    p = wide_p[:N, :N]
     least = float(np.linalg.eigvalsh(p)[0])
     rng = np.random.default_rng(2)
     made = simulate(DisturbedVehicle.with_crew(rng, 300.0), Site(40.0), 300.0, 100.0,

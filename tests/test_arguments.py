@@ -14,6 +14,7 @@ from schuler.alignment import (
     KalmanAlignment,
     align_windows,
     align_without_latitude,
+    parse_method,
 )
 from schuler.campaigns import Campaign
 from schuler.config import load_scenario
@@ -97,12 +98,11 @@ def test_every_result_that_says_so_makes_a_report(tmp_path: Path):
         assert there.stat().st_size > 10_000
 
 
-def test_a_campaign_holds_a_method_with_options_as_its_text():
+def test_a_campaign_keeps_the_options_of_a_method():
     scenario = load_scenario(Path(__file__).parents[1] / "examples/scenarios/static_base.toml")
-    campaign = Campaign(scenario, 2, methods=(KalmanAlignment(passes=3), "kalman"))
+    campaign = Campaign(scenario, 2, methods=(KalmanAlignment(passes=3), KalmanAlignment()))
     assert campaign.methods == ("kalman(passes=3)", "kalman")
-    with pytest.raises(InputError, match="named twice"):
-        Campaign(scenario, 2, methods=(KalmanAlignment(), "kalman"))
+    assert parse_method(campaign.methods[0]) == KalmanAlignment(passes=3)
 
 
 def test_a_dataset_takes_no_unit_that_it_would_pass_over():

@@ -52,6 +52,26 @@ def test_a_clean_stream_is_the_aligner_s_own(items, feed):
     assert set(counts.values()) == {0}
 
 
+@pytest.mark.parametrize("method", ["kalman", "kalman-large", "gyrocompass"])
+def test_a_filter_runs_live_and_resumes_from_a_checkpoint(items, tmp_path, method):
+    """The heading is that of the record at once, to the last bit, though the process ended."""
+    whole = LiveAligner(SITE, "increments", method, "navigation-rlg")
+    whole.push(items)
+    whole.finish()
+    first = LiveAligner(SITE, "increments", method, "navigation-rlg")
+    first.push(items[:2000])
+    first.save(tmp_path / "state.npz")
+    second = LiveAligner(SITE, "increments", method, "navigation-rlg")
+    second.load(tmp_path / "state.npz")
+    second.push(items[2000:])
+    second.finish()
+    assert second.samples == len(items)
+    fix = second.solution()
+    np.testing.assert_array_equal(fix.quat_nb, whole.solution().quat_nb)
+    np.testing.assert_array_equal(fix.covariance, whole.solution().covariance)
+    assert right(fix)
+
+
 @pytest.mark.parametrize("address", [OTHER, SENDER])
 @pytest.mark.parametrize(
     "packet",

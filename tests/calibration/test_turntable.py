@@ -188,31 +188,3 @@ def test_a_bad_file_is_one_sentence(tmp_path, text, says):
 def test_bad_input_is_one_sentence(call, text):
     with pytest.raises(InputError, match=text):
         call()
-
-
-def test_navigation_on_the_spot_hears_what_the_instrument_has_corrected():
-    from schuler.kernels.turns import navigate_on_the_spot
-
-    rng = np.random.default_rng(5)
-    a, f = 0.02 * rng.standard_normal((2, 400, 3))
-    f[:, 2] += 0.1
-    before_a, before_f = (np.vstack([np.zeros((1, 3)), x[:-1]]) for x in (a, f))
-    turn = a + np.cross(before_a, a) / 12.0
-    x = np.cross(a, f)
-    sculling = (np.cross(before_a, f) + np.cross(before_f, a)) / 12.0
-    push = f + 0.5 * x + np.cross(a, x) / 6.0 + sculling
-    ends = {}
-    for coning, sculling_left in ((1.0, 1.0), (0.0, 1.0), (1.0, 0.0), (0.0, 0.0)):
-        state = np.zeros(13)
-        state[0] = 1.0
-        navigate_on_the_spot(
-            state, coning, sculling_left, np.array([0.0, 5e-5, 5e-5]), 9.8, np.full(400, 0.01),
-            a if coning else turn, f if sculling_left else push, np.empty((400, 7)),
-        )  # fmt: skip
-        ends[coning, sculling_left] = state[:7]
-    wanted = ends.pop((1.0, 1.0))
-    # Sculling of turns that are corrected differs by a twelfth of their correction: fourth order.
-    np.testing.assert_allclose(ends.pop((1.0, 0.0)), wanted, atol=1e-12)
-    for state in ends.values():
-        np.testing.assert_allclose(state[:4], wanted[:4], atol=1e-12)
-        np.testing.assert_allclose(state[4:], wanted[4:], atol=2e-4)

@@ -330,7 +330,7 @@ def test_a_serial_port(record):
         (["udp:5005"], "--lat"), (["tcp:5005", "--lat", "5"], "live source"),
         (["udp:x", "--lat", "5"], "port"), (["udp:99999999999", "--lat", "5"], "port"),
         (["udp:no such host:5", "--lat", "5"], "cannot listen"),
-        (["-", "--lat", "5", "--method", "kalman"], "whole record"),
+        (["-", "--lat", "5", "--method", "kalman-huge"], "unknown method"),
         (["serial:/nowhere", "--lat", "5"], "cannot be opened"),
         (["-", "--lat", "5", "--every", "0"], "above 0 s"),
         (["-", "--lat", "5", "--idle", "-1"], "above 0 s"),

@@ -30,7 +30,7 @@ def record_of(force, rate=None):
     )
 
 
-BOTH = LowPass(channels="both", frame="body")
+BOTH = LowPass(start_span=1.0, channels="both", frame="body")
 
 FILTERS = [
     LowPass(), LowPass(zero_phase=True), LowPass(kind="fir", cutoff=0.5),
@@ -160,3 +160,19 @@ def test_in_the_inertial_frame_sway_is_no_disturbance():
     held, body = (LowPass(frame=f, zero_phase=True)(made) for f in ("inertial", "body"))
     assert np.abs(held.accel - made.accel).max() < 4e-3
     assert np.abs(body.accel - made.accel).max() > 0.2
+
+
+def test_the_low_pass_starts_from_gravity_alone():
+    """A motion of the vehicle in the first second leaves no transient behind."""
+    time = 0.01 * np.arange(1, 12_001)
+    gravity = 9.8 - 5e-4 * time
+    force = gravity + 0.2 * np.cos(2.0 * np.pi * 0.3 * time)
+    dt = np.full(len(time), 0.01)
+    dvel = np.outer(force * dt, [0.0, 0.0, 1.0])
+    record = ImuRecord(time, dt, np.zeros((len(time), 3)), dvel)
+    error = {
+        span: np.abs(LowPass(start_span=span)(record).accel[:2000, 2] - gravity[:2000]).max()
+        for span in (1.0, 300.0)
+    }
+    assert error[1.0] > 0.05
+    assert error[300.0] < 0.2 * error[1.0]

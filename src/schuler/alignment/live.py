@@ -75,7 +75,7 @@ class LiveAligner:
     kind : {"rates", "mean-rates", "increments"}
         What the values are.
     method : str, optional
-        A name of `METHODS`; those that need the whole record are refused.
+        A name of `METHODS`.
     spec : ImuSpec, str or path, optional
     depth : int
         Samples that are held while one is missing.
@@ -85,7 +85,7 @@ class LiveAligner:
     Raises
     ------
     InputError
-        For an unknown method, or one that needs the whole record.
+        For an unknown method, or one with a prefilter, which needs the whole record.
     """
 
     def __init__(

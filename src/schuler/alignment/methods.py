@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal
+from typing import Any
 
 from schuler._options import Registry
 from schuler.alignment.method import Estimate, Method, Problem
@@ -113,7 +113,9 @@ class Auto(Method):
 
 @dataclass(frozen=True)
 class KalmanAlignment(Method):
-    """A Kalman filter over the whole record, which is held in memory.
+    """A Kalman filter over intervals of the record; memory is constant for any length.
+
+    A step is no shorter than the distance of instants that are kept, of which there are 4096.
 
     Parameters
     ----------
@@ -147,8 +149,6 @@ class KalmanAlignment(Method):
     noise : float, optional
         Sigma of what is measured: m, m/s or m/s^2; read from the record when not given.
     """
-
-    needs: ClassVar[Literal["sums", "samples"]] = "samples"
 
     states: int = 15
     measurement: str = "displacement"
@@ -190,13 +190,13 @@ class KalmanAlignment(Method):
 
         spec = problem.spec
         fine = kalman_alignment(
-            problem.samples(), problem.history, problem.site, self, spec, problem.at_end
+            problem.history, problem.site, self, spec, problem.at_end, problem.about
         )
         known = spec is not None
         return Estimate(
             self, fine.attitude, fine.budget, spec=spec, biases=fine.biases if known else None,
             bias_covariance=fine.bias_covariance if known else None,
-            filter_history=fine.filter_history,
+            filter_history=fine.filter_history, best=fine.best,
         )  # fmt: skip
 
 
@@ -211,8 +211,6 @@ class Gyrocompass(Method):
     pole : float, optional
         Pole of the azimuth stage, 1/s; by default as slow as the record allows.
     """
-
-    needs: ClassVar[Literal["sums", "samples"]] = "samples"
 
     level_share: float = 0.15
     pole: float | None = None
@@ -229,9 +227,7 @@ class Gyrocompass(Method):
 
         if not problem.at_end:
             raise InputError("a gyrocompass loop gives the attitude at the end: say --at end")
-        loop = compass_alignment(
-            problem.samples(), problem.history, problem.site, self, problem.spec
-        )
+        loop = compass_alignment(problem.history, problem.site, self, problem.spec)
         return Estimate(
             self, loop.attitude, loop.budget, spec=problem.spec, filter_history=loop.filter_history
         )

@@ -1,9 +1,9 @@
 """Systematic calibration: a navigator's own errors, at a known place, show the sensors' errors.
 
 The instrument is turned through a sequence on the spot and navigates; its velocity, which should
-be zero whenever it rests, is all that is measured. A Kalman filter of 30 states (attitude,
-velocity, and 12 numbers a triad: bias and the matrix of scale and axes) is led by the error
-equations along the navigator's own path, and what it finds corrects the record for the next pass.
+be zero whenever it rests, is all that is measured. It is a configuration of the error-state filter
+(`schuler.ins`): attitude, velocity, 12 numbers a triad (bias and the matrix of scale and axes) and
+the attitude at the start, without feedback; what it finds is the nominal of the next pass.
 Source: Savage (2000), Strapdown Analytics II, chapter 18; error equations by Groves (2013), 14.2.
 
 True = output - bias - matrix output, to first order. The frame of the instrument is that of its
@@ -19,11 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.attitude import quat_to_matrix
+from schuler.attitude import multiply, rotvec_to_quat
 from schuler.calibration.apply import Calibration
 from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G
 from schuler.earth import Site
 from schuler.errors import InputError
+from schuler.ins import ErrorStateFilter, GroupNoise, Layout, ProcessNoise, ZeroVelocity
 from schuler.record import ImuRecord
 
 __all__ = ["NAMES", "SystematicFit", "calibrate_systematic"]
@@ -37,6 +38,11 @@ NAMES = (
 )  # fmt: skip
 _FREE = [k for k in range(24) if NAMES[k] not in (
     "accelerometer yx", "accelerometer zx", "accelerometer zy")]  # fmt: skip
+
+_GROUPS = ("gyro_bias", "gyro_matrix", "accelerometer_bias", "accelerometer_matrix")
+_LAYOUT = Layout(["phi", "velocity", *_GROUPS, ("start_attitude", 3)])
+_SENSORS = slice(_LAYOUT["gyro_bias"].start, _LAYOUT["accelerometer_matrix"].stop)
+"""The 24 numbers of `NAMES`, in their order."""
 
 
 @dataclass(frozen=True)
@@ -114,25 +120,36 @@ def calibrate_systematic(
     size = max(1, round(block / step)) if step else 0
     if size == 0 or len(record) < 100 * size:
         raise InputError("a systematic calibration needs a record of a hundred blocks or more")
-    prior = np.zeros(30)
-    prior[:3], prior[3:6] = attitude_prior, 1e-6
-    prior[6:9], prior[9:18] = gyro_bias_prior, matrix_prior
-    prior[18:21], prior[21:30] = accel_bias_prior, matrix_prior
-    prior[[6 + k for k in range(24) if k not in _FREE]] = 0.0
-    value = np.zeros(24)
-    phi = np.zeros(3)
-    nis, cov = 0.0, np.zeros((30, 30))
+    prior = np.zeros(_LAYOUT.size)
+    for group, size_of_prior in (
+        ("phi", attitude_prior), ("velocity", 1e-6), ("gyro_bias", gyro_bias_prior),
+        ("gyro_matrix", matrix_prior), ("accelerometer_bias", accel_bias_prior),
+        ("accelerometer_matrix", matrix_prior),
+    ):  # fmt: skip
+        prior[_LAYOUT[group]] = size_of_prior
+    prior[[_SENSORS.start + k for k in range(24) if k not in _FREE]] = 0.0
+    noise = ProcessNoise.of(_LAYOUT, {
+        "phi": GroupNoise(gyro_noise**2), "velocity": GroupNoise(accel_noise**2),
+    })  # fmt: skip
+    end = (len(record) // size) * size
+    rate = record.dtheta[:end].reshape(-1, size, 3).sum(axis=1)
+    span = record.dt[:end].reshape(-1, size).sum(axis=1)
+    rest = np.linalg.norm(rate, axis=1) / span < still_rate
+    if rest.sum() < 20:
+        raise InputError("the instrument is hardly ever at rest: nothing is measured")
+    still = ZeroVelocity(record.time[size - 1 : end : size][rest], 0.0, velocity_noise)
+    value, phi = np.zeros(24), np.zeros(3)
+    nis, cov = 0.0, np.zeros((_LAYOUT.size, _LAYOUT.size))
     for _ in range(passes):
-        offset = np.concatenate([-phi, np.zeros(3), -value])
-        found, cov, nis, turned = _pass(
-            _corrected(value).apply(record), site, _turned(q0, phi), prior, offset, size,
-            still_rate, gyro_noise, accel_noise, velocity_noise,
-        )  # fmt: skip
-        value = value + found
-        phi = phi + turned
-    sigma = np.sqrt(np.diag(cov)[6:])
+        f = _filter(site, q0, prior, noise, still, value, phi, block)
+        f.update(record)
+        found, cov, history = f.error_state, f.covariance, f.history()
+        value = value + found[_SENSORS]
+        phi = phi + found[_LAYOUT["start_attitude"]]
+        nis = float(np.sum(history.mean_square * history.scalars) / np.sum(history.scalars))
+    sigma = np.sqrt(np.diag(cov)[_SENSORS])
     unseen = [
-        NAMES[k] for k in _FREE if sigma[k] > 0.5 * prior[6 + k]
+        NAMES[k] for k in _FREE if sigma[k] > 0.5 * prior[_SENSORS.start + k]
     ]  # fmt: skip
     done = _corrected(value)
     spread = {
@@ -143,7 +160,7 @@ def calibrate_systematic(
         done.gyro_bias, done.accel_bias, done.gyro_matrix, done.accel_matrix,
         name="systematic", sigma=spread,
     )  # fmt: skip
-    return SystematicFit(calibration, value, sigma, cov[6:, 6:], unseen, nis)
+    return SystematicFit(calibration, value, sigma, cov[_SENSORS, _SENSORS], unseen, nis)
 
 
 def _corrected(value: Array) -> Calibration:
@@ -155,84 +172,26 @@ def _corrected(value: Array) -> Calibration:
     return Calibration(parts[0][0], parts[1][0], parts[0][1], parts[1][1])
 
 
-def _turned(q: Array, phi: Array) -> Array:
-    """Return the attitude (1 + [phi x]) q: the start with its found error taken out."""
-    from schuler.attitude import multiply, rotvec_to_quat
-
-    return np.asarray(multiply(rotvec_to_quat(phi), q))
-
-
-def _pass(
-    record: ImuRecord, site: Site, q0: Array, prior: Array, offset: Array, size: int,
-    still_rate: float, gyro_noise: float, accel_noise: float, velocity_noise: float,
-) -> tuple[Array, Array, float, Array]:  # fmt: skip
-    """Navigate, filter the errors, and return what is left of them."""
-    from schuler.kernels.turns import navigate_on_the_spot
-
-    state = np.zeros(13)
-    state[:4] = q0
-    path = np.empty((len(record), 7))
-    navigate_on_the_spot(
-        state, float(not record.coning_corrected), float(not record.sculling_corrected),
-        site.earth_rate, site.gravity, record.dt, record.dtheta, record.dvel, path,
+def _filter(
+    site: Site, q0: Array, prior: Array, noise: ProcessNoise, still: ZeroVelocity, value: Array,
+    phi: Array, block: float,
+) -> ErrorStateFilter:  # fmt: skip
+    """Return a filter that starts from what was found before; the prior stays where it was."""
+    covariance = np.diag(prior**2)
+    start, now = _LAYOUT["start_attitude"], _LAYOUT["phi"]
+    # The attitude at the start is a copy of phi there: later velocities show it.
+    covariance[start, start] = covariance[start, now] = covariance[now, start] = covariance[
+        now, now
+    ]
+    error = np.zeros(_LAYOUT.size)
+    error[now] = error[start] = -phi
+    error[_SENSORS] = -value
+    groups = {name: _LAYOUT[name] for name in _GROUPS}
+    return ErrorStateFilter(
+        _LAYOUT, site, np.asarray(multiply(rotvec_to_quat(phi), q0)), covariance, noise, [still],
+        error_state=error, fixed_place=True, feedback=False, step=block,
+        parameters={
+            name: value[place.start - _SENSORS.start : place.stop - _SENSORS.start]
+            for name, place in groups.items()
+        },
     )  # fmt: skip
-    c = quat_to_matrix(path[:, :4])
-    w, f = record.dtheta, record.dvel
-    blocks = len(record) // size
-    n = blocks * size
-
-    def sums(x: Array) -> Array:
-        return np.asarray(x[:n].reshape(blocks, size, *x.shape[1:]).sum(axis=1))
-
-    turn_bias = sums(c * record.dt[:, None, None])
-    turn = sums(c[:, :, :, None] * w[:, None, None, :]).reshape(blocks, 3, 9)
-    push = sums(c[:, :, :, None] * f[:, None, None, :]).reshape(blocks, 3, 9)
-    force = sums(np.einsum("nij,nj->ni", c, f))
-    span = sums(record.dt)
-    rate = np.linalg.norm(sums(w), axis=1) / span
-    rest = rate < still_rate
-    if rest.sum() < 20:
-        raise InputError("the instrument is hardly ever at rest: nothing is measured")
-    speed = path[size - 1 : n : size, 4:7]
-    earth = site.earth_rate
-    spin = np.array([[0, -earth[2], earth[1]], [earth[2], 0, -earth[0]], [-earth[1], earth[0], 0]])
-    x = offset.copy()
-    p = np.diag(prior**2)
-    phi = np.eye(30)
-    eye = np.eye(3)
-    # phi at the start follows along, to correct the start: three more columns.
-    start = p[:, :3].copy()
-    first = x[:3].copy()
-    tally = count = 0.0
-    for k in range(blocks):
-        t = span[k]
-        fx, fy, fz = force[k]
-        lift = np.array([[0, -fz, fy], [fz, 0, -fx], [-fy, fx, 0]])
-        phi[:3, :3] = eye - t * spin
-        phi[3:6, :3] = lift
-        phi[3:6, 3:6] = eye - 2.0 * t * spin
-        phi[:3, 6:9], phi[:3, 9:18] = -turn_bias[k], -turn[k]
-        phi[3:6, :3] = lift @ (eye - 0.5 * t * spin)
-        phi[3:6, 6:9] = -0.5 * lift @ turn_bias[k]
-        phi[3:6, 9:18] = -0.5 * lift @ turn[k]
-        phi[3:6, 18:21], phi[3:6, 21:30] = turn_bias[k], push[k]
-        x = phi @ x
-        p = phi @ p @ phi.T
-        start = phi @ start
-        p[[0, 1, 2], [0, 1, 2]] += gyro_noise**2 * t
-        p[[3, 4, 5], [3, 4, 5]] += accel_noise**2 * t
-        if not rest[k]:
-            continue
-        for i in range(3):
-            spread = p[3 + i, 3 + i] + velocity_noise**2
-            miss = speed[k, i] - x[3 + i]
-            gain = p[:, 3 + i] / spread
-            follow = start[3 + i].copy()
-            x = x + gain * miss
-            first = first + follow * miss / spread
-            start = start - np.outer(gain, follow)
-            p = p - np.outer(gain, p[3 + i])
-            tally += miss * miss / spread
-            count += 1.0
-        p = 0.5 * (p + p.T)
-    return x[6:], p, tally / max(count, 1.0), first

@@ -1,13 +1,11 @@
-"""Turns of an instrument between poses, and navigation on the spot."""
+"""Turns of an instrument between poses."""
 
 from __future__ import annotations
 
 import math
 
 from schuler.kernels._jit import kernel
-from schuler.kernels.increments import coned, normalised
-from schuler.kernels.quat import qexp, qmul, qrotate
-from schuler.kernels.vec import add, axpy, cross, scale
+from schuler.kernels.quat import qexp, qmul
 
 
 @kernel
@@ -50,57 +48,3 @@ def turned_directions(starts, stops, time, rate, bias, matrix, before, out):
         out[k, 0] = u + w * tx + y * tz - z * ty
         out[k, 1] = v + w * ty + z * tx - x * tz
         out[k, 2] = t + w * tz + x * ty - y * tx
-
-
-@kernel
-def navigate_on_the_spot(state, coning, sculling, earth, gravity, dt, dtheta, dvel, out):
-    """Carry attitude and velocity on at a place that is known and does not move.
-
-    Parameters
-    ----------
-    state : (13,) float64
-        q_b^n, velocity (east, north, up), last dtheta and dvel; left ready for more.
-    coning, sculling : float
-        1 to correct increments by the sample before (Savage, 1998), 0 where the instrument has
-        done it.
-    earth, gravity : (3,) float64, float
-        rad/s and m/s^2.
-    dt, dtheta, dvel : (n,), (n, 3), (n, 3) float64
-        Samples.
-    out : (n, 7) float64
-        q_b^n at the middle of each sample and, in the last three, velocity at its end.
-    """
-    q = (state[0], state[1], state[2], state[3])
-    v = (state[4], state[5], state[6])
-    a = (state[7], state[8], state[9])
-    b = (state[10], state[11], state[12])
-    w = (earth[0], earth[1], earth[2])
-    for i in range(dt.shape[0]):
-        h = dt[i]
-        t = (dtheta[i, 0], dtheta[i, 1], dtheta[i, 2])
-        u = (dvel[i, 0], dvel[i, 1], dvel[i, 2])
-        push = u
-        turned = coned(coning, a, t)
-        if sculling != 0.0:
-            push = add(push, scale(1.0 / 12.0, add(cross(a, u), cross(b, t))))
-            push = axpy(0.5, cross(t, u), push)
-            push = axpy(1.0 / 6.0, cross(t, cross(t, u)), push)
-        frame = scale(-h, w)
-        middle = qmul(qmul(qexp(scale(0.5, frame)), q), qexp(scale(0.5, turned)))
-        force = qrotate(qmul(qexp(scale(0.5, frame)), q), push)
-        bend = cross(scale(2.0 * h, w), v)
-        v = (
-            v[0] + force[0] - bend[0],
-            v[1] + force[1] - bend[1],
-            v[2] + force[2] - bend[2] - gravity * h,
-        )
-        q = normalised(qmul(qmul(qexp(frame), q), qexp(turned)))
-        a, b = t, u
-        for c in range(4):
-            out[i, c] = middle[c]
-        for c in range(3):
-            out[i, 4 + c] = v[c]
-    state[0], state[1], state[2], state[3] = q
-    state[4], state[5], state[6] = v
-    state[7], state[8], state[9] = a
-    state[10], state[11], state[12] = b

@@ -1,8 +1,10 @@
 """Low-pass filters that start as if they had always run.
 
-A causal filter that begins at zero spends its first time constants rising to gravity. Its state
-is set to that of a constant input instead, equal to the mean over the first part of the record,
-so that there is no start-up transient. The zero-phase form runs both ways and does not delay.
+A causal filter that begins at zero spends its first time constants rising to gravity. It begins
+instead with what gravity alone would have made of the force before the record: the straight line
+through its first minutes, continued backwards. The mean of a second would hold the vehicle's motion
+itself, and a transient of twenty seconds of it. The zero-phase form runs both ways and does not
+delay.
 """
 
 from __future__ import annotations
@@ -35,8 +37,9 @@ class LowPass(Prefilter):
     kind : {"butterworth", "fir"}
     zero_phase : bool
         Run forward and backward: no delay, twice the attenuation, not causal.
-    settle : float
-        Mean of so much of the record (s) that the filter starts from.
+    start_span : float
+        The line through so much of the record (s) is what the filter starts from; in the inertial
+        frame gravity is a line over minutes.
     channels : {"accel", "gyro", "both"}
     frame : {"inertial", "body"}
         Where the force is filtered (`each_channel`).
@@ -46,7 +49,7 @@ class LowPass(Prefilter):
     order: int = 2
     kind: str = "butterworth"
     zero_phase: bool = False
-    settle: float = field(default=1.0, metadata={"unit": "time"})
+    start_span: float = field(default=300.0, metadata={"unit": "time"})
     channels: str = "accel"
     frame: str = "inertial"
 
@@ -54,8 +57,8 @@ class LowPass(Prefilter):
         if self.kind not in ("butterworth", "fir"):
             raise InputError(f"kind must be butterworth or fir, got '{self.kind}'")
         check_channels(self.channels, self.frame)
-        if not (self.cutoff > 0 and self.order >= 1 and self.settle > 0):
-            raise InputError("cutoff, order and settle must be positive")
+        if not (self.cutoff > 0 and self.order >= 1 and self.start_span > 0):
+            raise InputError("cutoff, order and start_span must be positive")
 
     def sections(self, interval: float) -> Array:
         """Return the filter as second-order sections (k, 6) for a sampling interval, s.
@@ -93,32 +96,38 @@ class LowPass(Prefilter):
         from scipy import signal
 
         interval = even_interval(record)
-        first = max(1, round(self.settle / interval))
+        span = min(len(record), max(2, round(self.start_span / interval)))
+        # The straight line through the first (or last) samples, continued by so many before them.
+        ahead = self._memory(interval)
         if self.kind == "fir":
             taps = self.taps(interval)
+            half = len(taps) // 2
 
             def run(x: Array) -> Array:
-                start = float(x[:first].mean())
                 if self.zero_phase:
-                    half = len(taps) // 2
-                    end = float(x[-first:].mean())
-                    padded = np.concatenate([np.full(half, start), x, np.full(half, end)])
-                    return np.asarray(signal.fftconvolve(padded, taps, "valid"))
-                padded = np.concatenate([np.full(len(taps) - 1, start), x])
+                    before, after = _line(x[:span], half), _line(x[::-1][:span], half)[::-1]
+                    padded = np.concatenate([before, x, after])
+                else:
+                    padded = np.concatenate([_line(x[:span], len(taps) - 1), x])
                 return np.asarray(signal.fftconvolve(padded, taps, "valid"))
 
         else:
             sos = self.sections(interval)
             state = signal.sosfilt_zi(sos)
 
+            def forward(x: Array) -> Array:
+                padded = np.concatenate([_line(x[:span], ahead), x])
+                return np.asarray(signal.sosfilt(sos, padded, zi=state * padded[0])[0][ahead:])
+
             def run(x: Array) -> Array:
-                y, _ = signal.sosfilt(sos, x, zi=state * float(x[:first].mean()))
-                if not self.zero_phase:
-                    return np.asarray(y)
-                back, _ = signal.sosfilt(sos, y[::-1], zi=state * float(y[-first:].mean()))
-                return np.asarray(back[::-1])
+                y = forward(x)
+                return forward(y[::-1])[::-1] if self.zero_phase else y
 
         return each_channel(record, self.channels, self.frame, run)
+
+    def _memory(self, interval: float) -> int:
+        """Return the samples after which the filter has forgotten its start."""
+        return int(3.0 / (self.cutoff * interval)) + 1
 
     def stream(self) -> LowPassStream:
         """Return a filter that takes chunks; its samples do not depend on the chunking."""
@@ -129,11 +138,20 @@ class LowPass(Prefilter):
         return LowPassStream(self)
 
 
+def _line(x: Array, ahead: int) -> Array:
+    """Return the straight line through samples, continued by so many before the first, (ahead,)."""
+    n = len(x)
+    k = np.arange(n) - 0.5 * (n - 1)
+    # From much less than is continued by, a slope would be noise.
+    slope = float(k @ x) / float(k @ k) if 3 * n >= ahead else 0.0
+    return np.asarray(x.mean() + slope * (np.arange(-ahead, 0) - 0.5 * (n - 1)))
+
+
 class LowPassStream:
     """A causal low-pass fed chunk by chunk.
 
-    It starts from the mean of the first `settle` seconds, and gives nothing back before it has
-    them; `close` gives what is still held.
+    It starts from the line through the first `start_span` seconds, and gives nothing back before
+    it has them; `close` gives what is still held.
     """
 
     def __init__(self, design: LowPass) -> None:
@@ -151,7 +169,7 @@ class LowPassStream:
         if not self._held:
             return chunk
         interval = float(self._held[0].dt[0])
-        wanted = max(1, round(self._design.settle / interval))
+        wanted = max(1, round(self._design.start_span / interval))
         if sum(len(x) for x in self._held) < wanted:
             return chunk.rows(0, 0)
         return self._open(wanted, interval)
@@ -169,8 +187,10 @@ class LowPassStream:
         record = ImuRecord.concatenate(self._held)
         self._held = []
         self._sos = self._design.sections(interval)
-        first = np.hstack([record.gyro[:wanted], record.accel[:wanted]]).mean(axis=0)
-        self._state = signal.sosfilt_zi(self._sos)[:, :, None] * first
+        first = np.hstack([record.gyro[:wanted], record.accel[:wanted]])
+        before = np.column_stack([_line(x, self._design._memory(interval)) for x in first.T])
+        state = signal.sosfilt_zi(self._sos)[:, :, None] * before[0]
+        _, self._state = signal.sosfilt(self._sos, before, axis=0, zi=state)
         return self._run(record)
 
     def _run(self, chunk: ImuRecord) -> ImuRecord:

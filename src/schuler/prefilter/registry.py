@@ -49,7 +49,8 @@ def parse_prefilter(value: Any) -> Prefilter | None:
     --------
     >>> parse_prefilter("lowpass(0.05 Hz), gate(0.003)")
     Chain(filters=(LowPass(cutoff=0.05, order=2, kind='butterworth', zero_phase=False, \
-settle=1.0, channels='accel', frame='inertial'), Gate(width=0.003, two_sided=True, gravity=None)))
+start_span=300.0, channels='accel', frame='inertial'), \
+Gate(width=0.003, two_sided=True, gravity=None)))
     """
     if value is None or isinstance(value, Prefilter):
         return value

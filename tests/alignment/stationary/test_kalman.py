@@ -1,4 +1,4 @@
-"""Fine alignment: every form of the filter, its covariance, its parts, its robustness."""
+"""Kalman alignment: every form of the filter, its covariance, its parts, its robustness."""
 
 from __future__ import annotations
 
@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from schuler.alignment import Gyrocompass, KalmanAlignment, align
+from schuler.alignment import Aligner, Gyrocompass, KalmanAlignment, align
+from schuler.alignment.intervals import Intervals
 from schuler.attitude import euler_to_quat, multiply, quat_to_rotvec
 from schuler.constants import ARCMIN
 from schuler.earth import Site
 from schuler.errors import InputError
+from schuler.ins import ErrorStateFilter, Layout, ProcessNoise
+from schuler.kernels.ins_layout import DISPLACEMENT
 from schuler.motion import DisturbedVehicle, Lines, Static, Sway
 from schuler.sensors import GRADES
 from schuler.simulation import simulate
@@ -35,6 +38,12 @@ FORMS = {
     "no feedback": KalmanAlignment(feedback=False),
     "three passes": KalmanAlignment(passes=3),
 }
+
+
+METHODS_OF_A_FILTER = (
+    KalmanAlignment(), KalmanAlignment(12, "velocity"), KalmanAlignment(azimuth="large"),
+    Gyrocompass(),
+)  # fmt: skip
 
 
 def run(motion, seed, method, at="end", duration=300.0, rate=50.0):
@@ -136,28 +145,90 @@ def test_too_short_for_a_filter():
         align(record, SITE, KalmanAlignment(), FOG)
 
 
-def test_feeding_the_kernel_in_pieces_gives_the_same_bits():
-    from schuler.kernels.fine import OUT, STATE_SIZE, fine
-
+@pytest.mark.parametrize("method", [*METHODS_OF_A_FILTER], ids=str)
+def test_a_filter_streams_resumes_and_holds_no_samples(method):
+    """In pieces, and taken up from saved arrays: the same bits; memory does not grow."""
     rng = np.random.default_rng(2)
-    record = simulate(Static(10.0), SITE, 20.0, 50.0, FOG, rng).record
-    ends = []
-    for cuts in ([0, 1000], [0, 3, 333, 334, 999, 1000]):
-        n = 15
-        state, cfg = np.zeros(STATE_SIZE), np.zeros(25)
-        state[1:5] = state[32:36] = euler_to_quat(np.radians([-10.0, 0.0, 0.0]))
-        cfg[:3] = SITE.earth_rate
-        cfg[3:17] = (SITE.gravity, 50, 1e-6, 1e-4, 0, 0, 1e-6, 1e-8, 1e-8, 1e-4, 0, 0, 1.0, 0)
-        cfg[18:20], cfg[21], cfg[23:] = (1.5, 4.0), 1.0, 1.0
-        p, x, parts = np.diag(np.full(n, 1e-6)), np.zeros(n), np.zeros((6, n, n))
-        layout = np.array([n, 12, -1, -1, -1, 3, 3], np.int64)
-        for a, b in pairwise(cuts):
-            fine(state, x, p, parts, cfg, layout, np.zeros((2 * n + 8, n)), record.time[a:b],
-                 record.dt[a:b], record.dtheta[a:b], record.dvel[a:b], np.zeros((30, OUT)),
-                 np.zeros((0, 2 * n + 3 * n * n)))  # fmt: skip
-        ends.append((state.copy(), p.copy()))
-    np.testing.assert_array_equal(ends[0][0], ends[1][0])
-    np.testing.assert_array_equal(ends[0][1], ends[1][1])
+    record = simulate(Static(10.0), SITE, 60.0, 50.0, FOG, rng).record
+    whole = Aligner(SITE, method, FOG).update(record).solution()
+    pieces = Aligner(SITE, method, FOG)
+    for a, b in pairwise([0, 3, 333, 334, 999, 1000, 3000]):
+        pieces.update(piece(record, a, b))
+    np.testing.assert_array_equal(pieces.solution().quat_nb, whole.quat_nb)
+    np.testing.assert_array_equal(pieces.solution().covariance, whole.covariance)
+    first = Aligner(SITE, method, FOG).update(piece(record, 0, 1801))
+    second = Aligner(SITE, method, FOG)
+    second.restore(first.arrays())
+    second.update(piece(record, 1801, 3000))
+    np.testing.assert_array_equal(second.solution().quat_nb, whole.quat_nb)
+    assert sum(a.nbytes for a in second.arrays().values()) < 2_000_000
+    assert not second._held
+
+
+def piece(record, a, b):
+    return replace(
+        record, time=record.time[a:b], dt=record.dt[a:b], dtheta=record.dtheta[a:b],
+        dvel=record.dvel[a:b],
+    )  # fmt: skip
+
+
+def test_a_long_record_has_longer_steps_and_the_same_sigma():
+    """Two hours: instants of the history are 1.8 s apart, beyond the step of 1 s."""
+    rng = np.random.default_rng(3)
+    record = simulate(Static(10.0), SITE, 7200.0, 5.0, FOG, rng).record
+    fix = align(record, SITE, KalmanAlignment(), FOG)
+    assert 2000 < len(fix.filter_history.t) < 4097
+    assert abs(fix.heading_deg - 10.0) * 60.0 < 4.0 * fix.sigma_arcmin[2]
+    assert fix.sigma_arcmin[2] < 1.1 * fix.limit_arcmin[2]
+
+
+def rocking(rate=100.0, duration=20.0):
+    lines = [
+        Lines(channel, np.array([f]), np.array([amplitude]), np.array([phase]))
+        for channel, f, amplitude, phase in (
+            ("roll", 0.7, 4.0, 0.0), ("pitch", 1.1, 3.0, 1.5), ("heading", 0.4, 2.0, 0.3),
+            ("up", 2.1, 0.02, 0.5),
+        )
+    ]  # fmt: skip
+    sway = Sway(30.0, lines=lines, lever=(0.5, 0.8, 1.0))
+    return simulate(sway, SITE, duration, rate, None, np.random.default_rng(8))
+
+
+@pytest.mark.parametrize("backward", [False, True])
+def test_intervals_navigate_as_their_samples_do(backward):
+    """A rocking vehicle: attitude, velocity and displacement at the end of half-second steps."""
+    made = rocking()
+    record = made.record
+    h = Aligner(SITE, KalmanAlignment(), FOG).update(record).history()
+    intervals = Intervals.of(h, 0.5)
+    layout = Layout(["phi", "velocity", "position", "gyro_bias", "accelerometer_bias"])
+    bias = {"gyro_bias": [2e-5, -1e-5, 3e-5], "accelerometer_bias": [5e-3, 1e-3, -4e-3]}
+    earth = SITE.earth_rate
+    q = made.truth.quat_nb[0]
+    if backward:
+        intervals, earth, q = intervals.reversed(), -earth, made.truth.quat_nb[-1]
+        bias["gyro_bias"] = [-x for x in bias["gyro_bias"]]
+        # Savage's corrections look at the sample before, which comes after.
+        record = replace(
+            record, time=record.start + record.end - (record.time - record.dt)[::-1],
+            dtheta=np.ascontiguousarray(-record.dtheta[::-1]),
+            dvel=np.ascontiguousarray(record.dvel[::-1]),
+        )  # fmt: skip
+    found = []
+    for samples, inside in ((record, None), (intervals.record, intervals.inside)):
+        f = ErrorStateFilter(
+            layout, SITE, q, np.eye(15), ProcessNoise.of(layout, {}), fixed_place=True,
+            earth_rate=earth, parameters=bias,
+        )  # fmt: skip
+        f.update(samples, inside)
+        found.append((f.quat_nb, f.v_n, f._state[DISPLACEMENT : DISPLACEMENT + 3].copy()))
+    (q0, v0, r0), (q1, v1, r1) = found
+    assert np.linalg.norm(quat_to_rotvec(multiply(q1, q0 * [1.0, -1.0, -1.0, -1.0]))) < 2e-6
+    # Of velocities of 0.1 m/s and displacements of metres that the biases make.
+    assert np.abs(v1 - v0).max() < 1e-3
+    assert np.abs(r1 - r0).max() < 5e-3
+    assert len(intervals) == 40
+    np.testing.assert_allclose(intervals.record.dt.sum(), 20.0)
 
 
 def corrected(record, coning, sculling):

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.history import History, inertial_to_local
+from schuler.alignment.intervals import Intervals
 from schuler.alignment.methods import Gyrocompass
 from schuler.alignment.stationary.disturbance import disturbance_levels, residual
 from schuler.alignment.stationary.inertial import solve
@@ -21,7 +22,8 @@ from schuler.attitude import nearest_quat, quat_to_matrix
 from schuler.constants import DEG
 from schuler.earth import Site
 from schuler.errors import InputError
-from schuler.record import ImuRecord
+from schuler.ins import Layout
+from schuler.kernels import ins_layout as kernel
 from schuler.sensors import ImuSpec
 
 __all__ = ["compass_alignment"]
@@ -57,15 +59,14 @@ def _system(gains: Array, g: float, rate: Array) -> Array:
 
 
 def compass_alignment(
-    record: ImuRecord, h: History, site: Site, method: Gyrocompass, spec: ImuSpec | None
+    h: History, site: Site, method: Gyrocompass, spec: ImuSpec | None
 ) -> KalmanResult:
     """Return the attitude at the end by the gyrocompass loop.
 
     Parameters
     ----------
-    record : ImuRecord
     h : History
-        The pass over it: its first part gives the coarse start, all of it what moves.
+        Its first part gives the coarse start, all of it what moves.
     site : Site
     method : Gyrocompass
     spec : ImuSpec or None
@@ -78,27 +79,30 @@ def compass_alignment(
     from scipy.linalg import expm
 
     from schuler.kernels.compass import gyrocompass
-    from schuler.kernels.fine import STATE_SIZE
 
-    if record.duration < SHORTEST:
+    if h.duration < SHORTEST:
         raise InputError(
-            f"a gyrocompass loop needs {SHORTEST:g} s to settle, the record has "
-            f"{record.duration:.4g} s"
+            f"a gyrocompass loop needs {SHORTEST:g} s to settle, the record has {h.duration:.4g} s"
         )
     g, lat, rate = site.gravity, site.latitude, site.earth_rate
     row = int(np.searchsorted(h.t, max(0.15 * h.duration, 20.0)))
     r = solve(h.until(row), g, lat, "centred")
-    state, cfg = np.zeros(STATE_SIZE), np.zeros(25)
-    state[1:5] = nearest_quat(inertial_to_local(0.0, lat) @ r)
-    cfg[:3], cfg[3] = rate, g
-    cfg[23:] = not record.coning_corrected, not record.sculling_corrected
-    first = method.level_share * record.duration
-    pole = method.pole or _POLES / (record.duration - first)
+    layout = Layout(["phi", "velocity"])
+    state, cfg = np.zeros(kernel.STATE_SIZE), np.zeros(kernel.CFG_SIZE)
+    state[kernel.QUAT_NB : kernel.QUAT_NB + 4] = nearest_quat(inertial_to_local(0.0, lat) @ r)
+    cfg[kernel.FIXED_PLACE], cfg[kernel.GRAVITY] = 1.0, g
+    cfg[kernel.EARTH : kernel.EARTH + 3] = rate
+    # The vertical channel is no part of it.
+    cfg[kernel.VERTICAL] = 1.0
+    first = method.level_share * h.duration
+    pole = method.pole or _POLES / (h.duration - first)
     gains = np.stack([_gains(8.0 / first, g, rate[1], False), _gains(pole, g, rate[1], True)])
-    out = np.zeros((len(record), 5))
+    intervals = Intervals.of(h, h.duration / (len(h) - 1))
+    steps = intervals.record
+    out = np.zeros((len(steps), 5))
     gyrocompass(
-        state, cfg, gains, record.start + first, record.time, record.dt, record.dtheta,
-        record.dvel, out,
+        state, np.zeros(layout.padded), layout.at, cfg, gains, h.start + first, steps.time,
+        steps.dt, steps.dtheta, steps.dvel, intervals.inside, out,
     )  # fmt: skip
 
     levels = disturbance_levels(residual(h, site), g, spec).mean
@@ -117,7 +121,7 @@ def compass_alignment(
     put[3:, 3:5] = np.eye(2)
     step = 1.0
     sigma = []
-    for k in range(round(record.duration / step)):
+    for k in range(round(h.duration / step)):
         now = gains[0] if k * step < first else gains[1]
         system = _system(now, g, rate)
         phi = expm(system * step)
@@ -142,17 +146,17 @@ def compass_alignment(
         sigma.append(np.sqrt(np.diag(sum(parts.values(), np.zeros((5, 5))))[:3]))
     # What the last displacement has put in has not averaged out yet.
     parts["disturbance"] += place * seen @ seen.T
-    attitude = quat_to_matrix(state[1:5])
+    attitude = quat_to_matrix(out[-1, 1:])
     budget = {name: part[:3, :3] for name, part in parts.items()}
     if spec is not None:
         budget["gyro_bias"] = spec.gyro.bias**2 * answer[:3, :3] @ answer[:3, :3].T
         budget["accelerometer_bias"] = (
             spec.accelerometer.bias**2 * answer[:3, 3:] @ answer[:3, 3:].T
         )
-    rows = np.searchsorted(record.time, record.start + step * np.arange(1, len(sigma) + 1) - 1e-9)
-    rows = np.minimum(rows, len(record) - 1)
+    rows = np.searchsorted(steps.time, h.start + step * np.arange(1, len(sigma) + 1) - 1e-9)
+    rows = np.minimum(rows, len(steps) - 1)
     none = np.zeros((len(rows), 3))
     passed = FilterHistory(
-        out[rows, 0] - record.start, out[rows, 1:], np.array(sigma), none, none, np.zeros(len(rows))
+        out[rows, 0] - h.start, out[rows, 1:], np.array(sigma), none, none, np.zeros(len(rows))
     )
     return KalmanResult(attitude, budget, np.zeros(6), np.zeros((6, 6)), passed, 0, 0)

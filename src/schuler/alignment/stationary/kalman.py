@@ -1,26 +1,31 @@
-"""Fine alignment: a Kalman filter over the samples, from a coarse start.
+"""Kalman alignment of a stationary vehicle: a configuration of the error-state filter.
 
-The start comes from the centred estimate of the same record, with a prior so wide that the record
-is not counted twice. How much the vehicle moves, and how far its attitude may be trusted, are read
-from the record as in `optimal`; the filter is then the recursive form of the same weighing, and its
-covariance is as consistent.
+The filter runs over intervals of a history (`schuler.alignment.intervals`), not over samples: they
+are exact integrals of them, so that a Kalman alignment streams in constant memory, is saved with
+the history, and can begin anew at any time. It does so for each solution, because its start and
+its noise are read from the whole record, as in `schuler.alignment.stationary.optimal`: the start is
+the centred estimate, with a prior so wide that the record is not counted twice, and how much the
+vehicle moves, and how far its attitude may be trusted, are the optimal estimate's levels. Kept
+sample by sample instead, a filter would need them before it has seen the record.
 
-Sources: Fang and Wan (1996) for the ten states; Gelb (1974) and Joseph for the covariance; Rauch,
-Tung and Striebel (1965); Huber (1964) and Yang's IGG-III (1994) for robust updates; Qin, Yan, Gu
-and Zheng (2005) for passes to and fro over one record.
+Sources: Fang and Wan (1996) for the ten states; Rauch, Tung and Striebel (1965); Huber (1964) and
+Yang's IGG-III (1994) for robust updates; Qin, Yan, Gu and Zheng (2005) for passes to and fro over
+one record.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from schuler.alignment.history import History, inertial_to_local
+from schuler.alignment.intervals import Intervals
 from schuler.alignment.methods import KalmanAlignment
-from schuler.alignment.stationary.inertial import solve
-from schuler.alignment.stationary.optimal import OptimalAlignment, joint
+from schuler.alignment.stationary.inertial import MINIMUM_ROWS, solve
+from schuler.alignment.stationary.optimal import Linearisation, OptimalAlignment, joint
 from schuler.attitude import (
     multiply,
     nearest_quat,
@@ -28,22 +33,34 @@ from schuler.attitude import (
     quat_to_rotvec,
     rotvec_to_quat,
 )
-from schuler.constants import DEG, DEG_PER_HOUR, EARTH_RATE, MICRO_G
+from schuler.constants import DEG, EARTH_RATE
 from schuler.earth import Site
 from schuler.errors import InputError
-from schuler.record import ImuRecord
+from schuler.ins import (
+    ConstantBase,
+    ErrorStateFilter,
+    GroupNoise,
+    Handling,
+    Layout,
+    Measurement,
+    ProcessNoise,
+    ZeroDisplacement,
+    ZeroForce,
+    ZeroVelocity,
+    instrument_noise,
+    instrument_prior,
+)
 from schuler.sensors import ImuSpec
 
 __all__ = ["FilterHistory", "KalmanResult", "kalman_alignment", "vehicle_motion"]
 
 Array = NDArray[np.float64]
 
-_RULES = {None: 0, "huber": 1, "igg3": 2}
-_KINDS = {"velocity": 1, "displacement": 2, "force": 8}
-_PARTS = (
-    "gyro_bias", "accelerometer_bias", "gyro_angle_random_walk",
-    "accelerometer_velocity_random_walk", "disturbance", "start",
-)  # fmt: skip
+_MEMORY = 0.02
+"""Part of the adaptive noise that each innovation makes."""
+
+_TINY = 1e-9
+"""Least variance of a measured velocity or force, and sigma of a displacement or rotation."""
 
 _TILT, _VELOCITY = 1.0 * DEG, 1.0
 """Prior of the start, 1 sigma: so wide that it tells nothing."""
@@ -100,6 +117,8 @@ class KalmanResult:
         The last pass.
     refused, weighed : int
         Measurements that a robust filter refused or weighed down.
+    best : OptimalAlignment or None
+        The optimal estimate, where it was made on the way and the result is linear about the same.
     """
 
     attitude: Array
@@ -109,166 +128,7 @@ class KalmanResult:
     filter_history: FilterHistory
     refused: int
     weighed: int
-
-
-@dataclass(eq=False)
-class _Filter:
-    """Arrays of a pass, as the kernel takes them."""
-
-    state: Array
-    x: Array
-    p: Array
-    parts: Array
-    cfg: Array
-    layout: NDArray[np.int64]
-
-    def run(self, record: ImuRecord, keep: bool = False) -> tuple[Array, Array]:
-        """Feed a record; return the rows of the steps, and what the smoother needs."""
-        from schuler.kernels.fine import OUT, fine
-
-        n = len(self.x)
-        steps = int(len(record) // self.cfg[4]) + 1
-        out = np.zeros((steps, OUT))
-        kept = np.zeros((steps if keep else 0, 2 * n + 3 * n * n))
-        rows = fine(
-            self.state, self.x, self.p, self.parts, self.cfg, self.layout,
-            np.zeros((2 * n + 8, n)), record.time, record.dt, record.dtheta, record.dvel, out, kept,
-        )  # fmt: skip
-        return out[:rows], kept[:rows]
-
-    @property
-    def quaternion(self) -> Array:
-        """quat_nb now, without the error that is known."""
-        return np.asarray(multiply(rotvec_to_quat(self.x[:3]), self.state[1:5]))
-
-    @property
-    def biases(self) -> Array:
-        """Biases now, (6,)."""
-        return self.state[48:54] + self.x[6:12]
-
-
-@dataclass(frozen=True, eq=False)
-class _Setting:
-    """What all passes over a record share."""
-
-    known: OptimalAlignment
-    motion: tuple[float, float, float]
-    site: Site
-    method: KalmanAlignment
-    spec: ImuSpec | None
-    every: int
-    to_correct: tuple[bool, bool]
-
-    @property
-    def tilted(self) -> bool:
-        """Whether the third accelerometer has a part in the horizontal force."""
-        local = inertial_to_local(self.known.history.t[1:], self.site.latitude)
-        up = np.einsum("ia,iab->ib", local[:, 2], self.known.attitude)
-        return bool(np.any(up[:, 2] < np.cos(_TILTED)))
-
-    def open(self, q: Array, biases: Array, *, backward: bool = False, feedback: bool) -> _Filter:
-        """Return a filter at its start."""
-        from schuler.kernels.fine import STATE_SIZE
-
-        method, spec, site = self.method, self.spec, self.site
-        at, n = [-1, -1, -1, -1], 12
-        wanted = (
-            method.states == 15 or method.measurement == "displacement", method.coloured,
-            method.base and self.known.steady, method.lever,
-        )  # fmt: skip
-        for k, there in enumerate(wanted):
-            if there:
-                at[k], n = n, n + 3
-        kinds = _KINDS[method.measurement] | (4 if at[2] >= 0 else 0)
-        axes = 3 if method.states > 10 else 2
-        layout = np.array([n, *at, axes, kinds], np.int64)
-
-        _, c, b, a = self.known.levels.mean
-        wander = method.azimuth == "large"
-        gyro, accel = (0.0, 0.0), (0.0, 0.0)
-        if spec is not None:
-            gyro = (spec.gyro.white, spec.gyro.drift)
-            accel = (spec.accelerometer.white, spec.accelerometer.drift)
-        sway = self.known.sway_levels.max(axis=0)
-        velocity, displacement, turn = self.motion
-        step = method.step
-        cfg = np.zeros(25)
-        cfg[:3] = site.earth_rate * (-1.0 if backward else 1.0)
-        if wander:
-            cfg[:2] = 0.0
-        cfg[3:9] = (
-            site.gravity, self.every, np.sqrt(gyro[0] ** 2 + a),
-            np.sqrt(accel[0] ** 2 + b), 0.0 if wander else gyro[1], accel[1],
-        )  # fmt: skip
-        tiny = 1e-9
-        cfg[9:13] = (
-            max(velocity, tiny), max(1e-3 * displacement if method.coloured else displacement,
-                                     tiny**2),
-            max(sway[0] / step, turn, tiny**2), max(velocity * 2.0 / step**2, tiny),
-        )  # fmt: skip
-        if method.noise is not None:
-            cfg[{"velocity": 9, "displacement": 10, "force": 12}[method.measurement]] = (
-                method.noise**2
-            )
-        cfg[13:17] = (c, sway[1], method.motion_time, np.sqrt(displacement))
-        cfg[17:20] = (_RULES[method.robust], *((1.345, 1e9) if method.robust == "huber"
-                                               else (1.5, 4.0)))  # fmt: skip
-        cfg[20] = 0.02 if method.adaptive else 0.0
-        cfg[21] = feedback
-        cfg[22] = wander
-        cfg[23:] = self.to_correct
-
-        free = (1e-6 * DEG_PER_HOUR, 1e-3 * MICRO_G)
-        bias = free if spec is None else (
-            max(spec.gyro.bias, free[0]), max(spec.accelerometer.bias, free[1])
-        )  # fmt: skip
-        p0 = np.zeros(n)
-        local = inertial_to_local(0.0, site.latitude)
-        start = np.diag(local @ self.known.covariance[:3, :3] @ local.T)
-        # Corrections by feedback are linear only as long as they are small.
-        p0[:3] = np.clip(_WIDER**2 * start, (0.1 * _TILT) ** 2, (10.0 * _TILT) ** 2)
-        if wander:
-            p0[:3] = (_TILT**2, _TILT**2, 1e-16)
-        p0[3:6] = _VELOCITY**2
-        p0[6:9], p0[9:12] = bias[0] ** 2, bias[1] ** 2
-        if wander:
-            p0[6:9] = (*[(EARTH_RATE * np.cos(site.latitude)) ** 2] * 2, 0.0)
-        if method.states == 10:
-            p0[5] = 0.0
-            if not self.tilted:
-                p0[11] = 0.0
-        for k, value in zip(at, (max(displacement, 1e-8), displacement, _BASE**2, _LEVER**2),
-                            strict=True):  # fmt: skip
-            if k >= 0:
-                p0[k : k + 3] = value
-        parts = np.zeros((len(_PARTS), n, n))
-        for i in range(n):
-            mine = 5 if i < 6 or i >= 12 or (wander and i < 9) else (0 if i < 9 else 1)
-            if at[1] >= 0 and at[1] <= i < at[1] + 3:
-                mine = 4
-            parts[mine, i, i] = p0[i]
-        state = np.zeros(STATE_SIZE)
-        state[1:5] = state[32:36] = q
-        if not wander:
-            state[48:54] = biases * [*[-1.0 if backward else 1.0] * 3, 1.0, 1.0, 1.0]
-        return _Filter(state, np.zeros(n), np.diag(p0), parts, cfg, layout)
-
-
-def _reversed(record: ImuRecord) -> ImuRecord:
-    """Return the record run backwards: turns change their sign, forces do not."""
-    from dataclasses import replace
-
-    dvel = record.dvel
-    if record.sculling_corrected:
-        # Resolved where the interval began; backwards that is where it ends.
-        back = rotvec_to_quat(-record.dtheta)
-        dvel = np.einsum("iab,ib->ia", quat_to_matrix(back), dvel)
-    time = record.start + record.end - (record.time - record.dt)[::-1]
-    return replace(
-        record, time=np.ascontiguousarray(time), dt=np.ascontiguousarray(record.dt[::-1]),
-        dtheta=np.ascontiguousarray(-record.dtheta[::-1]),
-        dvel=np.ascontiguousarray(dvel[::-1]),
-    )  # fmt: skip
+    best: OptimalAlignment | None = None
 
 
 def vehicle_motion(h: History, r: Array, site: Site, step: float) -> tuple[float, float, float]:
@@ -298,104 +158,247 @@ def vehicle_motion(h: History, r: Array, site: Site, step: float) -> tuple[float
     return float(np.mean(quick**2)), float(np.mean(place**2)), float(np.mean(turn**2))
 
 
+@dataclass(frozen=True, eq=False)
+class _Setting:
+    """What all passes over a record share."""
+
+    known: OptimalAlignment
+    motion: tuple[float, float, float]
+    site: Site
+    method: KalmanAlignment
+    spec: ImuSpec | None
+    intervals: Intervals
+
+    @property
+    def tilted(self) -> bool:
+        """Whether the third accelerometer has a part in the horizontal force."""
+        local = inertial_to_local(self.known.history.t[1:], self.site.latitude)
+        up = np.einsum("ia,iab->ib", local[:, 2], self.known.attitude)
+        return bool(np.any(up[:, 2] < np.cos(_TILTED)))
+
+    @property
+    def wander(self) -> bool:
+        """Whether the axes are level and of unknown azimuth."""
+        return self.method.azimuth == "large"
+
+    def aids(self, times: Array) -> list[Measurement]:
+        """Return what is known to be zero or constant, at the ends of intervals."""
+        method = self.method
+        velocity, displacement, turn = self.motion
+        step = float(np.mean(self.intervals.record.dt))
+        sway = self.known.sway_levels.max(axis=0)
+        handling = Handling(robust=method.robust, adaptive=_MEMORY if method.adaptive else 0.0)
+        lever = ("lever",) if method.lever else ()
+        axes = np.array([1.0, 1.0, 0.0 if method.states == 10 else 1.0])
+        options: dict[str, Any] = {"handling": handling, "name": "point"}
+        aids: list[Measurement] = []
+        if method.measurement == "velocity":
+            sigma = method.noise or np.sqrt(max(velocity, _TINY))
+            aids.append(ZeroVelocity(times, 0.0, sigma * axes, estimate=lever, **options))
+        elif method.measurement == "displacement":
+            # A coloured motion is a state: what is left of it is small.
+            known = max(1e-3 * displacement if method.coloured else displacement, _TINY**2)
+            sigma = method.noise or np.sqrt(known)
+            aids.append(ZeroDisplacement(times, 0.0, sigma * axes, estimate=lever, **options))
+        if method.base and self.known.steady:
+            sigma = np.sqrt(max(sway[0] / step, turn, _TINY**2))
+            aids.append(ConstantBase(times, 0.0, sigma, handling=handling))
+        if method.measurement == "force":
+            sigma = method.noise or np.sqrt(max(velocity * 2.0 / step**2, _TINY))
+            aids.append(ZeroForce(times, 0.0, sigma, **options))
+        return aids
+
+    @property
+    def removed(self) -> Array:
+        """Biases that were taken off the history, (6,)."""
+        return np.concatenate([self.known.about.gyro_bias, np.zeros(3)])
+
+    def open(
+        self, q: Array, biases: Array, *, first: bool = True, backward: bool = False,
+        feedback: bool, smooth: bool = False,
+    ) -> ErrorStateFilter:  # fmt: skip
+        """Return a filter after a pass over the intervals.
+
+        Parameters
+        ----------
+        q, biases : (4,), (6,) float64
+            Estimates at the start; biases are those that the history still has.
+        first : bool
+            The prior is still that of the whole bias, of which a part was taken off.
+        backward, feedback, smooth : bool
+        """
+        method, site = self.method, self.site
+        intervals = self.intervals.reversed() if backward else self.intervals
+        aids = self.aids(intervals.record.time)
+        layout = Layout([
+            "phi", "velocity",
+            *(["position"] if method.states == 15 else []),
+            "frame_rate" if self.wander else "gyro_bias", "accelerometer_bias",
+            *(["motion"] if method.coloured else []),
+            *(group for aid in aids for group in aid.groups),
+        ])  # fmt: skip
+        noise, sigma = self._noise(layout), self._prior(layout)
+        earth = site.earth_rate * (-1.0 if backward else 1.0)
+        if self.wander:
+            earth = earth * [0.0, 0.0, 1.0]
+        start: dict[str, Array] = {"accelerometer_bias": biases[3:]}
+        if not self.wander:
+            start["gyro_bias"] = -biases[:3] if backward else biases[:3]
+        error = np.zeros(layout.size)
+        if first and not self.wander:
+            error[layout["gyro_bias"]] = -self.known.about.gyro_bias
+        f = ErrorStateFilter(
+            layout, site, q, np.diag(sigma**2), noise, aids, parameters=start, fixed_place=True,
+            earth_rate=earth, error_state=error, feedback=feedback, budget=not smooth,
+            smooth=smooth, step=float(np.max(intervals.record.dt)), force_at_rest=True,
+            vertical=method.states != 10,
+        )  # fmt: skip
+        return f.update(intervals.record, intervals.inside)
+
+    def _noise(self, layout: Layout) -> ProcessNoise:
+        _, walk, force, rate = self.known.levels.mean
+        sway = self.known.sway_levels.max(axis=0)
+        noise = instrument_noise(layout, self.spec)
+        for group, more, source in (
+            ("phi", rate, "gyro_angle_random_walk"),
+            ("velocity", force, "accelerometer_velocity_random_walk"),
+        ):
+            # What the record shows beyond the specification.
+            known = np.asarray(noise[group].walk) if group in noise else 0.0
+            noise[group] = GroupNoise(known + more, source=source)
+        noise["position"] = GroupNoise(walk, source="disturbance")
+        noise["base"] = GroupNoise(sway[1], source="disturbance")
+        noise["motion"] = GroupNoise(
+            0.0, float(np.sqrt(self.motion[1])), self.method.motion_time, "disturbance"
+        )
+        return ProcessNoise.of(layout, {n: each for n, each in noise.items() if n in layout})
+
+    def _prior(self, layout: Layout) -> Array:
+        """Return 1 sigma of each state at the start."""
+        displacement = self.motion[1]
+        local = inertial_to_local(0.0, self.site.latitude)
+        start = np.diag(local @ self.known.covariance[:3, :3] @ local.T)
+        north = EARTH_RATE * np.cos(self.site.latitude)
+        level = self.method.states == 10
+        sigma: dict[str, ArrayLike] = {
+            # Corrections by feedback are linear only as long as they are small.
+            "phi": np.clip(_WIDER * np.sqrt(start), 0.1 * _TILT, 10.0 * _TILT),
+            "velocity": np.array([1.0, 1.0, 0.0 if level else 1.0]) * _VELOCITY,
+            "position": np.sqrt(max(displacement, 1e-8)), "motion": np.sqrt(displacement),
+            "frame_rate": (north, north, 0.0), "base": _BASE, "point.lever": _LEVER,
+            **instrument_prior(layout, self.spec),
+        }  # fmt: skip
+        if self.wander:
+            sigma["phi"] = (_TILT, _TILT, 1e-8)
+        if level and not self.tilted:
+            sigma["accelerometer_bias"] = sigma["accelerometer_bias"] * np.array([1.0, 1.0, 0.0])
+        out = np.zeros(layout.size)
+        for group in layout:
+            out[layout[group]] = sigma[group]
+        return out
+
+
 def kalman_alignment(
-    record: ImuRecord,
-    h: History,
-    site: Site,
-    method: KalmanAlignment,
-    spec: ImuSpec | None,
-    at_end: bool,
-) -> KalmanResult:
-    """Return the fine alignment of a record.
+    h: History, site: Site, method: KalmanAlignment, spec: ImuSpec | None, at_end: bool,
+    about: Linearisation | None = None,
+) -> KalmanResult:  # fmt: skip
+    """Return the Kalman alignment of a history.
 
     Parameters
     ----------
-    record : ImuRecord
-        All samples.
     h : History
-        The pass over them, for the start and for what moves.
     site : Site
     method : KalmanAlignment
     spec : ImuSpec or None
-        Without one the noise is that of the record, and biases are taken for nothing.
+        Without one the noise is that of the record, and biases are taken for zero.
     at_end : bool
+    about : Linearisation, optional
+        Where to start, and what was taken off the history, as of `joint`; the centred estimate
+        and no bias when not given.
 
     Raises
     ------
     InputError
         If the record is too short for ten steps of the filter.
     """
-    every = max(1, round(method.step * record.rate))
-    if len(record) < 10 * every:
+    if len(h) < MINIMUM_ROWS or h.duration < 10.0 * method.step * (1.0 - 1e-6):
         raise InputError(
             f"a fine alignment needs ten steps of {method.step:g} s at least, the record has "
-            f"{record.duration:.4g} s: take a longer one or a shorter step"
+            f"{h.duration:.4g} s: take a longer one or a shorter step"
         )
-    r = solve(h, site.gravity, site.latitude, "centred")
+    about = about or Linearisation(solve(h, site.gravity, site.latitude, "centred"), np.zeros(3))
+    r = about.rotation
     setting = _Setting(
-        joint(h, site, spec), vehicle_motion(h, r, site, method.step), site, method, spec, every,
-        (not record.coning_corrected, not record.sculling_corrected),
+        joint(h, site, spec, about=about), vehicle_motion(h, r, site, method.step), site, method,
+        spec, Intervals.of(h, method.step),
     )  # fmt: skip
-    wander = method.azimuth == "large"
-    q = _levelled(record) if wander else nearest_quat(inertial_to_local(0.0, site.latitude) @ r)
     biases = np.zeros(6)
-    if wander:
-        return _wandering(setting, record, q, at_end)
+    if setting.wander:
+        return _wandering(setting, _levelled(h), at_end)
+    q = nearest_quat(inertial_to_local(0.0, site.latitude) @ r)
     # To and fro: each pass begins where the one before ended, with the prior of the first.
     for lap in range(method.passes - 1):
         backward = lap % 2 == 1
-        f = setting.open(q, biases, backward=backward, feedback=True)
-        f.run(_reversed(record) if backward else record)
-        q, biases = f.quaternion, f.biases
+        f = setting.open(q, biases, first=lap == 0, backward=backward, feedback=True)
+        q, biases = f.quat_nb, _biases(f)
         if backward:
             biases[:3] *= -1.0
     if not at_end:
-        return _smoothed(setting, record, q, biases)
-    f = setting.open(q, biases, feedback=method.feedback)
-    out, _ = f.run(record)
-    budget = {
-        name: part[:3, :3] for name, part in zip(_PARTS, f.parts, strict=True) if part[2, 2] > 0
-    }
+        return _smoothed(setting, q, biases)
+    f = setting.open(q, biases, first=method.passes == 1, feedback=method.feedback)
+    phi = f.layout["phi"]
+    budget = {name: part[phi, phi] for name, part in f.budget.items() if part[phi, phi][2, 2] > 0.0}
+    own = _bias_states(f)
     return KalmanResult(
-        quat_to_matrix(f.quaternion), budget, f.biases, f.p[6:12, 6:12], _passed(out, record),
-        int(f.state[37]), int(f.state[38]),
+        quat_to_matrix(f.quat_nb), budget, _biases(f) + setting.removed,
+        f.covariance[np.ix_(own, own)],
+        _passed(f, h), f.refused, f.weighed, setting.known,
     )  # fmt: skip
 
 
-def _passed(out: Array, record: ImuRecord) -> FilterHistory:
+def _bias_states(f: ErrorStateFilter) -> list[int]:
+    """Return the states of gyro and accelerometer biases."""
+    groups = (f.layout["gyro_bias"], f.layout["accelerometer_bias"])
+    return [k for place in groups for k in range(place.start, place.stop)]
+
+
+def _biases(f: ErrorStateFilter) -> Array:
+    """Return the biases now, (6,)."""
+    return np.concatenate([f.parameter("gyro_bias"), f.parameter("accelerometer_bias")])
+
+
+def _passed(f: ErrorStateFilter, h: History) -> FilterHistory:
+    history = f.history()
+    none = np.full((len(history), 3), np.nan)
     return FilterHistory(
-        out[:, 0] - record.start, out[:, 1:5], np.sqrt(out[:, 8:11]), out[:, 11:14], out[:, 14:17],
-        out[:, 17],
+        history.time - h.start, history.quat_nb, history.sigma("phi"),
+        history["gyro_bias"] if "gyro_bias" in f.layout else none, history["accelerometer_bias"],
+        history.mean_square,
     )  # fmt: skip
 
 
-def _smoothed(setting: _Setting, record: ImuRecord, q: Array, biases: Array) -> KalmanResult:
+def _smoothed(setting: _Setting, q: Array, biases: Array) -> KalmanResult:
     """Return the attitude at the start, by the smoother; twice, as errors are then linear."""
-    from schuler.kernels.kalman import smooth
-
-    for _ in range(2):
-        f = setting.open(q, biases, feedback=False)
-        out, kept = f.run(record, keep=True)
-        n = len(f.x)
-        xs, ps = np.zeros((len(kept), n)), np.zeros((len(kept), n, n))
-        smooth(kept, n, xs, ps, np.zeros((n, n)), np.zeros((n, n)))
-        # One step back, from the first smoothed state to the start, along phi and the biases.
-        forward = kept[0, 2 * n + 2 * n * n :].reshape(n, n)
-        back = np.linalg.inv(forward)
-        x0, p0 = back @ xs[0], back @ ps[0] @ back.T
-        q = np.asarray(multiply(rotvec_to_quat(x0[:3]), q))
-        biases = biases + x0[6:12]
-    covariance = 0.5 * (p0[:3, :3] + p0[:3, :3].T)
+    h = setting.known.history
+    for lap in range(2):
+        first = lap == 0 and setting.method.passes == 1
+        f = setting.open(q, biases, first=first, feedback=False, smooth=True)
+        done = f.smoothed()
+        own = _bias_states(f)
+        q, biases = done.quat_nb[0], biases + done.error[0, own]
+    p = done.covariance[0]
+    phi = f.layout["phi"]
     return KalmanResult(
-        quat_to_matrix(q), {"all_sources": covariance}, biases, p0[6:12, 6:12],
-        _passed(out, record), int(f.state[37]), int(f.state[38]),
+        quat_to_matrix(q), {"all_sources": p[phi, phi]}, biases + setting.removed,
+        p[np.ix_(own, own)],
+        _passed(f, h), f.refused, f.weighed, setting.known,
     )  # fmt: skip
 
 
-def _levelled(record: ImuRecord) -> Array:
+def _levelled(h: History) -> Array:
     """Return an attitude that is level by the force of the first second; heading is nothing."""
-    count = max(2, round(record.rate))
-    up = record.dvel[:count].sum(axis=0)
+    row = max(1, int(np.searchsorted(h.t, 1.0)))
+    up = h.nodes.sum_dvel[min(row, len(h) - 1)]
     up = up / np.linalg.norm(up)
     axis = np.cross(up, [0.0, 0.0, 1.0])
     size = float(np.linalg.norm(axis))
@@ -404,7 +407,7 @@ def _levelled(record: ImuRecord) -> Array:
     return np.asarray(rotvec_to_quat(axis / size * np.arctan2(size, up[2])))
 
 
-def _wandering(setting: _Setting, record: ImuRecord, q: Array, at_end: bool) -> KalmanResult:
+def _wandering(setting: _Setting, q: Array, at_end: bool) -> KalmanResult:
     """Return the alignment in level axes of unknown azimuth: linear however large that is.
 
     The horizontal Earth rate in these axes is a state; north is where it points.
@@ -415,37 +418,38 @@ def _wandering(setting: _Setting, record: ImuRecord, q: Array, at_end: bool) -> 
             "small-azimuth form"
         )
     f = setting.open(q, np.zeros(6), feedback=setting.method.feedback)
-    out, _ = f.run(record)
     north = EARTH_RATE * np.cos(setting.site.latitude)
+    quat, rate = f.quat_nb, f.parameter("frame_rate")
 
     def turned(quat: Array, rate: Array) -> Array:
         a = np.arctan2(rate[0], rate[1])
         return quat_to_matrix(multiply(rotvec_to_quat([0.0, 0.0, a]), quat))
 
-    attitude = turned(f.quaternion, f.biases[:2])
+    attitude = turned(quat, rate)
     jacobian = np.zeros((3, 6))
     for k in range(5):
         x = np.zeros(6)
         x[k] = 1e-6 if k < 3 else 1e-6 * north
-        moved = turned(multiply(rotvec_to_quat(-x[:3]), f.quaternion), f.biases[:2] - x[3:5])
+        moved = turned(multiply(rotvec_to_quat(-x[:3]), quat), rate[:2] - x[3:5])
         error = np.eye(3) - moved @ attitude.T
         jacobian[:, k] = np.array([error[2, 1], error[0, 2], error[1, 0]]) / x[k]
-    pick = np.array([0, 1, 2, 6, 7, 8])
+    phi, rates = f.layout["phi"], f.layout["frame_rate"]
+    pick = np.r_[phi, rates]
     budget = {}
-    for name, part in zip(_PARTS, f.parts, strict=True):
+    for name, part in f.budget.items():
         covariance = jacobian @ part[np.ix_(pick, pick)] @ jacobian.T
-        if covariance[2, 2] > 0:
+        if covariance[2, 2] > 0.0:
             budget[name] = covariance
     sigma = 0.0 if setting.spec is None else setting.spec.gyro.bias
     budget["gyro_bias"] = np.diag([0.0, 0.0, (sigma / north) ** 2])
-    azimuth = np.arctan2(out[:, 11], out[:, 12])
-    turn = rotvec_to_quat(np.column_stack([np.zeros((len(out), 2)), azimuth]))
-    passed = _passed(out, record)
+    history, h = f.history(), setting.known.history
+    azimuth = np.arctan2(*history["frame_rate"][:, :2].T)
+    turn = rotvec_to_quat(np.column_stack([np.zeros((len(history), 2)), azimuth]))
+    passed = _passed(f, h)
     sides = np.column_stack([np.cos(azimuth), -np.sin(azimuth)])
-    across = np.sqrt(np.sum(sides**2 * out[:, 18:20], axis=1)) / north
-    passed = FilterHistory(
-        passed.t, np.asarray(multiply(turn, passed.quaternion)),
-        np.column_stack([passed.sigma[:, :2], np.hypot(across, sigma / north)]),
-        np.full_like(passed.gyro_bias, np.nan), passed.accel_bias, passed.innovation,
+    across = np.linalg.norm(sides * history.sigma("frame_rate")[:, :2], axis=1) / north
+    passed = replace(
+        passed, quaternion=np.asarray(multiply(turn, passed.quaternion)),
+        sigma=np.column_stack([passed.sigma[:, :2], np.hypot(across, sigma / north)]),
     )  # fmt: skip
-    return KalmanResult(attitude, budget, None, None, passed, int(f.state[37]), int(f.state[38]))
+    return KalmanResult(attitude, budget, None, None, passed, f.refused, f.weighed, setting.known)

@@ -1,0 +1,67 @@
+"""One error-state filter: inertial navigation whose errors a Kalman filter estimates.
+
+Stationary alignment, systematic calibration and aided navigation are configurations of it: a
+`Layout` of error states, their `ProcessNoise`, and the measurements.
+
+Errors: phi is that of attitude, C_est = (I - [phi x]) C_true; velocity, position and what belongs
+to aids are estimate minus truth; what belongs to the sensors is truth minus estimate, what is left
+of it.
+"""
+
+from schuler.ins.dynamics import (
+    SOURCES,
+    GroupNoise,
+    ProcessNoise,
+    instrument_noise,
+    instrument_prior,
+)
+from schuler.ins.filter import ErrorStateFilter
+from schuler.ins.layout import Layout
+from schuler.ins.measurements import (
+    BodyVelocity,
+    ConstantBase,
+    CustomMeasurement,
+    Handling,
+    Heading,
+    Height,
+    Measurement,
+    NonHolonomic,
+    Position,
+    State,
+    Velocity,
+    ZeroDisplacement,
+    ZeroForce,
+    ZeroRate,
+    ZeroVelocity,
+)
+from schuler.ins.result import EpochHistory
+from schuler.ins.smoother import Epochs, Smoothed, smooth
+
+__all__ = [
+    "SOURCES",
+    "BodyVelocity",
+    "ConstantBase",
+    "CustomMeasurement",
+    "EpochHistory",
+    "Epochs",
+    "ErrorStateFilter",
+    "GroupNoise",
+    "Handling",
+    "Heading",
+    "Height",
+    "Layout",
+    "Measurement",
+    "NonHolonomic",
+    "Position",
+    "ProcessNoise",
+    "Smoothed",
+    "State",
+    "Velocity",
+    "ZeroDisplacement",
+    "ZeroForce",
+    "ZeroRate",
+    "ZeroVelocity",
+    "instrument_noise",
+    "instrument_prior",
+    "smooth",
+]

@@ -1,0 +1,169 @@
+"""Process noise, priors and transition of the error states, from an instrument's specification."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.constants import DEG_PER_HOUR, MICRO_G
+from schuler.ins.layout import Layout
+from schuler.kernels import ins_layout
+from schuler.sensors import ImuSpec
+
+__all__ = ["SOURCES", "GroupNoise", "ProcessNoise", "instrument_noise", "instrument_prior"]
+
+Array = NDArray[np.float64]
+
+#: sources of error that a budget names; measurements may add their own
+SOURCES = (
+    "gyro_bias", "accelerometer_bias", "gyro_angle_random_walk",
+    "accelerometer_velocity_random_walk", "disturbance", "start",
+)  # fmt: skip
+
+LEAST_GYRO_BIAS, LEAST_ACCELEROMETER_BIAS = 1e-6 * DEG_PER_HOUR, 1e-3 * MICRO_G
+"""Biases (1 sigma) of an instrument that is said to have none."""
+
+
+@dataclass(frozen=True)
+class GroupNoise:
+    """How the states of a group change by themselves.
+
+    Parameters
+    ----------
+    walk : float or (k,) array_like
+        Power density: variance that grows by a second.
+    sigma, time : float
+        Of a first-order Gauss-Markov process; time infinite for a constant.
+    source : str
+        What the noise counts as in a budget.
+    """
+
+    walk: ArrayLike = 0.0
+    sigma: float = 0.0
+    time: float = np.inf
+    source: str = "start"
+
+
+@dataclass(frozen=True, eq=False)
+class ProcessNoise:
+    """Noise of all states, as the kernel takes it.
+
+    Parameters
+    ----------
+    walk, bound, fade : (padded,) float64
+        Variance a second, steady variance of a Markov process, 1 / its time.
+    source : (padded,) int64
+        Index into `sources`.
+    sources : tuple of str
+    """
+
+    walk: Array
+    bound: Array
+    fade: Array
+    source: NDArray[np.int64]
+    sources: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls, layout: Layout, noise: Mapping[str, GroupNoise], sources: Sequence[str] = SOURCES
+    ) -> ProcessNoise:
+        """Make it of the noise of groups; a group that is not named has none.
+
+        Raises
+        ------
+        ValueError
+            For a group or a source that there is not.
+        """
+        size = layout.padded
+        walk, bound, fade = np.zeros(size), np.zeros(size), np.zeros(size)
+        sources = tuple(sources)
+        source = np.full(size, sources.index("start"), np.int64)
+        for name, each in noise.items():
+            if name not in layout:
+                raise ValueError(f"there is no group '{name}'")
+            place = layout[name]
+            walk[place] = each.walk
+            source[place] = sources.index(each.source)
+            if np.isfinite(each.time):
+                bound[place], fade[place] = each.sigma**2, 1.0 / each.time
+        return cls(walk, bound, fade, source, sources)
+
+
+def instrument_noise(layout: Layout, spec: ImuSpec | None) -> dict[str, GroupNoise]:
+    """Return the noise that an instrument makes in the groups of a layout.
+
+    Parameters
+    ----------
+    layout : Layout
+    spec : ImuSpec or None
+        None is an instrument without noise.
+
+    Examples
+    --------
+    >>> from schuler.sensors import GRADES
+    >>> layout = Layout(["phi", "velocity", "gyro_bias", "accelerometer_bias"])
+    >>> sorted(instrument_noise(layout, GRADES["navigation-fog"]))
+    ['accelerometer_bias', 'gyro_bias', 'phi', 'velocity']
+    """
+    if spec is None:
+        return {}
+    gyro, accel = spec.gyro, spec.accelerometer
+    noise = {
+        "phi": GroupNoise(gyro.white**2, source="gyro_angle_random_walk"),
+        "velocity": GroupNoise(accel.white**2, source="accelerometer_velocity_random_walk"),
+        "gyro_bias": GroupNoise(gyro.drift**2, source="gyro_bias"),
+        "accelerometer_bias": GroupNoise(accel.drift**2, source="accelerometer_bias"),
+    }
+    for name, part, source in (
+        ("gyro_markov", gyro, "gyro_bias"), ("accelerometer_markov", accel, "accelerometer_bias"),
+    ):  # fmt: skip
+        if part.gauss_markov:
+            noise[name] = GroupNoise(0.0, part.gauss_markov, part.gauss_markov_time, source)
+    return {name: each for name, each in noise.items() if name in layout}
+
+
+def instrument_prior(layout: Layout, spec: ImuSpec | None) -> dict[str, float]:
+    """Return 1 sigma of each group of sensor errors before anything is measured.
+
+    Parameters
+    ----------
+    layout : Layout
+    spec : ImuSpec or None
+        None is an instrument without errors: biases so small that they do not matter.
+    """
+    sigma = {"gyro_bias": LEAST_GYRO_BIAS, "accelerometer_bias": LEAST_ACCELEROMETER_BIAS}
+    if spec is not None:
+        gyro, accel = spec.gyro, spec.accelerometer
+        sigma = {
+            "gyro_bias": max(gyro.bias, LEAST_GYRO_BIAS),
+            "accelerometer_bias": max(accel.bias, LEAST_ACCELEROMETER_BIAS),
+            "gyro_markov": gyro.gauss_markov, "accelerometer_markov": accel.gauss_markov,
+            "gyro_scale": gyro.scale_factor, "accelerometer_scale": accel.scale_factor,
+        }  # fmt: skip
+    return {name: each for name, each in sigma.items() if name in layout}
+
+
+def transition(
+    layout: Layout, noise: ProcessNoise, state: Array, cfg: Array, options: Array
+) -> Array:
+    """Return the transition (n, n) over the span that a kernel's state has gathered.
+
+    Parameters
+    ----------
+    layout, noise
+        The states.
+    state, cfg, options : float64
+        Arrays of the kernel (`schuler.kernels.ins_layout`).
+    """
+    from schuler.kernels.error_rates import fill_transition
+
+    size = layout.padded
+    phi, decay, rates = np.zeros((9, size)), np.zeros(size), np.zeros((9, size))
+    dynamic = 9 if layout.at[ins_layout.POSITION] >= 0 else 6
+    fill_transition(phi, decay, rates, noise.fade, state, layout.at, cfg, options, dynamic)
+    out = np.diag(decay)
+    out[:dynamic] = phi[:dynamic]
+    return out[: layout.size, : layout.size]
