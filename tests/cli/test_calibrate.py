@@ -157,7 +157,8 @@ def test_gravity_of_the_poses_is_said(cli, tmp_path):
         # Gravity is the scale: the matrix is in proportion to it.
         expected = MATRIX[0, 0] * gravity / 9.80665
         assert (
-            abs(data["accel"]["matrix"][0][0] - expected) < 5 * data["accel"]["matrix_sigma"][0][0]
+            abs(data["accelerometer"]["matrix"][0][0] - expected)
+            < 5 * data["accelerometer"]["matrix_sigma"][0][0]
         )
 
 

@@ -49,7 +49,7 @@ def read_record(path: str, options: dict[str, Any]) -> str:
 
 
 def read_reference(path: str, options: dict[str, Any]) -> str:
-    from schuler.io.trajectory import read_reference as read
+    from schuler.io import read_trajectory as read
 
     found = read(path)
     return digest(found.time, found.position, found.v_n, found.quat_nb)
