@@ -191,3 +191,11 @@ def test_prefilter_names(name):
     assert parse_prefilter("none") is None
     with pytest.raises(InputError, match="unknown prefilter"):
         parse_prefilter(name + "x")
+
+
+def test_a_specification_without_bias_is_said_to_hold_none(still):
+    spec = replace(WHITE, gyro=replace(WHITE.gyro, bias=0.0), name="from allan")
+    fix = align(still.record, SITE, spec=spec)
+    assert "(repeatability: no bias in it; " in fix.headline()
+    assert any("'from allan' holds no gyro bias" in text for text in fix.warnings)
+    assert "repeatability" not in align(still.record, SITE, spec="navigation-fog").headline()

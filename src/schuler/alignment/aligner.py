@@ -41,6 +41,13 @@ _BIAS_MISSING = (
 )
 
 
+_NO_BIAS = (
+    "the specification '{}' holds no gyro bias, as one of an Allan analysis: sigma is how well the "
+    "heading repeats while the bias stays, not how far it is from north (allan --save-spec takes "
+    "--gyro-bias)"
+)
+
+
 class Aligner:
     """Align a stream: `update` with chunks, `solution` whenever it is wanted.
 
@@ -287,6 +294,8 @@ class Aligner:
             warnings.append(_BIAS_MISSING)
         else:
             used = found.spec or self.spec
+            if not self.spec.gyro.bias:
+                warnings.append(_NO_BIAS.format(self.spec.name))
             if found.positions:
                 bound = position_limit(used, self.site, found.positions, summary.interval).phi
             else:

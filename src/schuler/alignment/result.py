@@ -282,6 +282,8 @@ class Alignment(Shown):
                 f"heading {'-' if sign < 0 else '+'} roll {(sign * gamma - psi) % 360.0:.3f} deg"
             )
         inside = []
+        if self.spec is not None and not self.spec.gyro.bias:
+            inside.append("repeatability: no bias in it")
         bound = self.limit_arcmin
         if bound is not None:
             inside.append(f"limit {bound[2]:.2g}'")
