@@ -104,9 +104,11 @@ def test_table_1_with_few_runs():
             spread = found.row(f"case {k}, std phi_{axis}")
             theory = float(mean.note.removeprefix("theory ").split(":")[0])
             assert abs(mean.document_method - theory) < 5.0 * spread.document_method / math.sqrt(6)
-            # The default method on the same data beats two instants by far. A spread of six runs
-            # is within twice the true one but once in a thousand.
-            assert spread.best < 1.15 * 2.0 * spread.limit
+            # The default method on the same data beats two instants by far. Its biases are the same
+            # in all runs, so the spread is that of noise alone; the default allows for a base that
+            # turns, which costs a factor of it, though nothing beside the biases. A spread of six
+            # runs is within twice the true one but once in a thousand.
+            assert spread.best < 2.5 * 2.0 * spread.limit
             assert spread.best < 0.1 * spread.document_method
     # A micro-g a sample cannot give the printed tilt; a micro-g per root hertz does.
     rows = {r.quantity: r for r in found.rows}

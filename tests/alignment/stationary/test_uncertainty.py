@@ -47,9 +47,9 @@ def runs(still, spec, method, at, count, seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("method", "at"), [("centred", "end"), ("centred", "start")])
-def test_nees_of_500_static_runs(still, method, at):
+def test_nees_of_static_runs(still, method, at):
     """White noise and biases: NEES inside the 99 % band, with and without the disturbance part."""
-    count = 500
+    count = 250
     low, high = chi_square_band(3 * count, 0.01)
     total = instrument = 0.0
     for phi, part, fix in runs(still, WHITE, method, at, count, 11):

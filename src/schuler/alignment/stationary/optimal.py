@@ -67,9 +67,6 @@ LARGEST = 0.05
 _LEAST_WHITE = 0.3 * MICRO_G
 """Least noise of the force, m/s^2/sqrt(Hz)."""
 
-_LEAST_GYRO = 0.001 * DEG_PER_HOUR
-"""Least bias beside which a turn of the base is looked for, rad/s."""
-
 _FREE_GYRO, _FREE_ACCEL = 1e-6 * DEG_PER_HOUR, 1e-3 * MICRO_G
 """Biases (1 sigma) of an instrument that is not known to have any."""
 
@@ -314,7 +311,7 @@ def joint(
     carried = np.einsum("iab,i->ab", attitude, dt)
     weighed = _weigh(series)
     normal = weighed.normal(turns, e)
-    base_rate, at_rest = normal.base_rate(*np.maximum(_bias_priors(spec), (_LEAST_GYRO, 0.0)))
+    base_rate, at_rest = normal.base_rate(*_bias_priors(spec))
     gain_a, gain_v, end_a, end_v, covariance, by_prior, by_base = _gains(
         series, weighed, spec, base_rate, carried, local[m // 2], free_latitude
     )
