@@ -311,7 +311,8 @@ def joint(
     carried = np.einsum("iab,i->ab", attitude, dt)
     weighed = _weigh(series)
     normal = weighed.normal(turns, e)
-    base_rate, at_rest = normal.base_rate(*_bias_priors(spec))
+    # Of a latitude that is not known, a turn of the base cannot be told apart.
+    base_rate, at_rest = (0.0, 1.0) if free_latitude else normal.base_rate(*_bias_priors(spec))
     gain_a, gain_v, end_a, end_v, covariance, by_prior, by_base = _gains(
         series, weighed, spec, base_rate, carried, local[m // 2], free_latitude
     )
