@@ -284,6 +284,7 @@ def test_measurements_may_come_with_the_stream(drive):
         f.update(piece(record, 0, 10))
 
 
+@pytest.mark.compiled
 def test_errors_and_innovations_are_what_the_covariance_says(drive):
     """20 runs of a minute: NEES of 15 states and all innovations; false alarm 1e-3 each."""
     nees, squares, count, runs = 0.0, 0.0, 0, 20
@@ -303,6 +304,7 @@ def test_errors_and_innovations_are_what_the_covariance_says(drive):
     assert count == 20 * 6 * 120
 
 
+@pytest.mark.compiled
 def test_the_smoother_is_consistent_and_better_in_the_middle(drive):
     """20 runs, attitude and velocity half way, without fixes for 20 s; false alarm 1e-3."""
     total, runs, better = 0.0, 20, []

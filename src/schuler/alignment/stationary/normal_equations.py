@@ -18,7 +18,7 @@ __all__ = ["NormalEquations"]
 
 Array = NDArray[np.float64]
 
-_LARGEST_BASE_RATE = 3.0 * DEG_PER_HOUR
+_LARGEST_BASE_RATE = 1.0 * DEG_PER_HOUR
 """More than so much (1-sigma) no stationary vehicle turns steadily over minutes."""
 
 _STILL = 0.85
