@@ -85,7 +85,7 @@ REASONS = {
 class Packet(NamedTuple):
     """A sample as it came.
 
-    Parameters
+    Attributes
     ----------
     number : int
     time : float

@@ -45,6 +45,9 @@ class ImuRecord(Shown):
         Where the record came from.
     quality : Quality or None
         What was found as rows were checked; None for records made in memory.
+
+    Attributes
+    ----------
     values : (n + 1, 6) float64 or None
         Of records made from instantaneous rates: the rates as they came (rad/s, m/s^2) at the
         start of the first interval and at the end of each. Noise is judged on them, since
