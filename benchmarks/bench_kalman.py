@@ -86,7 +86,7 @@ def run() -> list[dict[str, Any]]:
     columns = np.zeros((3, size + 1), np.int64)
     covariance_steps.find_columns(wide_phi, columns, 9)
     wide = covariance_steps.WIDTH
-    room = np.zeros((9, size)), np.zeros((size, wide)), np.zeros((9, wide))
+    scratch = np.zeros((9, size)), np.zeros((size, wide)), np.zeros((9, wide))
     lines = np.zeros((5, size))
 
     import numba
@@ -107,7 +107,7 @@ def run() -> list[dict[str, Any]]:
                     x[i] += gain[i] * innovation
                 covariance_steps.apply_gain(p, h[m], ph, gain, r[m], spare)
 
-    arguments = (wide_p, wide_phi, columns, decay, wide_q, wide_h, r, *room, lines)
+    arguments = (wide_p, wide_phi, columns, decay, wide_q, wide_h, r, *scratch, lines)
     loop(10, *arguments)
     ours = best(lambda: loop(steps, *arguments)) / steps
     z = np.zeros(M)

@@ -15,7 +15,7 @@ from schuler.alignment.consistency import FALSE_ALARM, axes_test
 from schuler.alignment.debias import without_gyro_bias
 from schuler.attitude import multiply, quat_to_euler, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
 from schuler.constants import ARCMIN, DEG_PER_HOUR
-from schuler.motion import DisturbedVehicle, Static
+from schuler.motion import DisturbedVehicle, Dwell, Static, Turn, Turntable
 from schuler.record import ImuRecord
 from schuler.sensors import GRADES
 from schuler.simulation import simulate
@@ -230,3 +230,19 @@ def test_two_dwells_on_a_rolling_base():
     fix = align(ImuRecord.from_increments(t[1:], dtheta, dvel), site, spec="navigation-fog")
     assert fix.consistent
     assert abs(off(fix, 180.0)) < 3
+
+
+def test_positions_between_which_the_bias_turns_far_leave_nothing():
+    """A MEMS unit on a fast table: several attitudes fit, and none is given for another."""
+    rest = Dwell(15.0)
+    table = Turntable(
+        [rest, Turn("psi", 90.0), rest, Turn("theta", 45.0, 50.0, 100.0), Dwell(30.0)]
+    )
+    site, spec, unknown = Site(31.0), GRADES["industrial-mems"], 0
+    for seed in range(6):
+        made = simulate(table, site, 60.0, 50.0, spec, np.random.default_rng(seed))
+        fix = align(made.record, site, spec=spec)
+        assert abs(off(fix, made.heading_deg())) < 3.0
+        assert np.all(fix.sigma_arcmin * ARCMIN <= UNIFORM_SIGMA * (1 + 1e-9))
+        unknown += any("several attitudes may fit" in text for text in fix.warnings)
+    assert unknown >= 2

@@ -37,13 +37,17 @@ class Filter:
         self.p, self.x = np.zeros((size, size)), np.zeros(size)
         self.p[:n, :n] = scale * np.eye(n)
         self.columns = np.zeros((3, size + 1), np.int64)
-        self.room = np.zeros((9, size)), np.zeros((size, steps.WIDTH)), np.zeros((9, steps.WIDTH))
+        self.scratch = (
+            np.zeros((9, size)),
+            np.zeros((size, steps.WIDTH)),
+            np.zeros((9, steps.WIDTH)),
+        )
         self.ph, self.spare, self.line = np.zeros((3, size))
 
     def predict(self, phi, decay, q):
         steps.find_columns(phi, self.columns, self.dynamic)
         steps.move_state(self.x, phi, decay, self.line, self.dynamic)
-        steps.predict(self.p, phi, self.columns, decay, q, *self.room, self.dynamic)
+        steps.predict(self.p, phi, self.columns, decay, q, *self.scratch, self.dynamic)
 
     def measure(self, z, h, r):
         variance = r + steps.sparse_product(self.p, h, self.ph)

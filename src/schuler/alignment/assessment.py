@@ -110,7 +110,9 @@ def assess(
         wider = found.spec or ImuSpec(GyroSpec(), AccelerometerSpec(), name="none")
         try:
             wider = with_gyro_bias(wider, result.least_bias)
-            _, larger, _ = _relinearised(whole, wider, again(whole, wider, None), again)
+            _, larger, settled = _relinearised(whole, wider, again(whole, wider, None), again)
+            if not settled and len(larger.positions) > 1:
+                larger = _unknown(larger)
         except (InputError, np.linalg.LinAlgError):
             larger = _level_only(h, summary, site, spec)
         if spec is None:
@@ -259,9 +261,9 @@ def _unknown(found: Estimate) -> Estimate:
 
 
 def capped(budget: dict[str, Array]) -> dict[str, Array]:
-    """Return a budget whose variance about up is no larger than that of an unknown angle."""
-    total = float(sum(cov[2, 2] for cov in budget.values()))
-    if total <= UNIFORM_SIGMA**2:
+    """Return a budget whose variance about each axis is no larger than that of an unknown angle."""
+    total = np.sum([np.diag(cov) for cov in budget.values()], axis=0)
+    scale = np.diag(np.minimum(1.0, UNIFORM_SIGMA / np.sqrt(np.maximum(total, 1e-300))))
+    if np.all(np.diag(scale) == 1.0):
         return budget
-    scale = np.diag([1.0, 1.0, UNIFORM_SIGMA / np.sqrt(total)])
     return {name: scale @ cov @ scale for name, cov in budget.items()}

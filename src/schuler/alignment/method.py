@@ -129,7 +129,7 @@ class Estimate:
         What a filter said on its way.
     positions : tuple of Position
         The dwells, where there are several.
-    best : Joint or None
+    best : OptimalAlignment or None
         The optimal estimate, where it was made on the way.
     """
 

@@ -269,7 +269,7 @@ class Ladder:
                 self._work(r)
 
     def _work(self, r: int) -> None:
-        """Sum over the block under way, pass every second point up, and make room."""
+        """Sum over the block under way, pass every second point up, and empty the block."""
         from schuler.kernels import allan as kernels
 
         add: Any = kernels.hadamard_sums if self._order == 3 else kernels.allan_sums

@@ -170,7 +170,7 @@ class ErrorStateFilter:
         self._transition, self._decay = np.zeros((9, size)), np.ones(size)
         self._columns = np.zeros((3, size + 1), np.int64)
         self._chain = np.eye(size) if smooth else np.zeros((0, 0))
-        self._room, self._flipped = np.zeros((40, size)), np.zeros((size + 9, 12))
+        self._scratch, self._flipped = np.zeros((40, size)), np.zeros((size + 9, 12))
         self._keep_history = keep_history
         self._history: list[Array] = []
         self._innovations: list[Array] = []
@@ -277,33 +277,33 @@ class ErrorStateFilter:
         kept = count if len(self._chain) else 0
         out = np.zeros((count if self._keep_history else 0, kernel.O_SIZE + 2 * size))
         keep_x, keep_p = np.zeros((kept, 3, size)), np.zeros((kept, 3, size, size))
-        said = np.zeros((len(self._queue), kernel.D_SIZE))
+        outcomes = np.zeros((len(self._queue), kernel.D_SIZE))
         i = j = done = 0
         while True:
             i, j, rows, why = self._run(
                 self._state, self._survey, self._est, self._x, self._p, self._parts,
                 self.layout.at, self._cfg, self._options, self.noise.walk, self.noise.bound,
                 self.noise.fade, self.noise.source, self.layout.sign, self._aids, self._aid_state,
-                self._transition, self._decay, self._columns, self._chain, self._room,
+                self._transition, self._decay, self._columns, self._chain, self._scratch,
                 self._flipped, record.time, record.dt, record.dtheta, record.dvel,
                 np.zeros((0, 7)) if inside is None else inside, self._queue, i, j, out[done:],
-                keep_x[done:], keep_p[done:], said,
+                keep_x[done:], keep_p[done:], outcomes,
             )  # fmt: skip
             done += rows
             if why != kernel.AT_CUSTOM:
                 break
-            self._take_custom(j, said)
+            self._take_custom(j, outcomes)
             j += 1
         if self._keep_history:
             self._history.append(out[:done])
-            self._innovations.append(np.column_stack([self._queue[:j], said[:j]]))
+            self._innovations.append(np.column_stack([self._queue[:j], outcomes[:j]]))
         if kept:
             self._kept_x.append(keep_x[:done])
             self._kept_p.append(keep_p[:done])
         self._queue = self._queue[j:]
         return self
 
-    def _take_custom(self, j: int, said: Array) -> None:
+    def _take_custom(self, j: int, outcomes: Array) -> None:
         from schuler.kernels.measurement_updates import H_ROWS, R_ROW, Z_ROW, take_rows
 
         k = int(self._queue[j, kernel.M_AID])
@@ -322,12 +322,12 @@ class ErrorStateFilter:
             )
         if not (np.all(np.isfinite(z)) and np.all(np.isfinite(h)) and np.all(r > 0.0)):
             raise InputError(f"{aid.name}: rows must be finite, and variances positive")
-        self._room[H_ROWS : H_ROWS + count] = 0.0
-        self._room[H_ROWS : H_ROWS + count, :n] = h
-        self._room[Z_ROW, :count], self._room[R_ROW, :count] = z, r
-        said[j, kernel.D_WEIGHT] = take_rows(
+        self._scratch[H_ROWS : H_ROWS + count] = 0.0
+        self._scratch[H_ROWS : H_ROWS + count, :n] = h
+        self._scratch[Z_ROW, :count], self._scratch[R_ROW, :count] = z, r
+        outcomes[j, kernel.D_WEIGHT] = take_rows(
             self._state, self._x, self._p, self._parts, self.layout.at, self._aids[k],
-            self._aid_state[k], self._room, count, said[j : j + 1],
+            self._aid_state[k], self._scratch, count, outcomes[j : j + 1],
         )  # fmt: skip
 
     def _view(self, index: int) -> State:

@@ -42,7 +42,7 @@ class Whole:
             guess = int(n / progress * 1.05) if 0.0 < progress < 1.0 else n
             # A damaged count must not ask for more than there is.
             guess = min(guess, available_memory() // self._row_bytes)
-            room = max(n, guess if self._n == 0 else n + n // 2)
+            capacity = max(n, guess if self._n == 0 else n + n // 2)
             if n * self._row_bytes > available_memory():
                 raise InputError(
                     f"its {n} rows and more do not fit into memory; take a part with --start and "
@@ -50,7 +50,7 @@ class Whole:
                 )
             for i, old in enumerate(self._arrays):
                 more = i // 4
-                self._arrays[i] = np.empty((room + more, *old.shape[1:]))
+                self._arrays[i] = np.empty((capacity + more, *old.shape[1:]))
                 self._arrays[i][: self._n + more] = old[: self._n + more]
         sources = [part.time, part.dt, part.dtheta, part.dvel]
         if len(self._arrays) > 4:

@@ -31,7 +31,7 @@ def propagate(work, noise, s, options, z, a, k, turn):
     Parameters
     ----------
     work : (45, 15) float64
-        Rows 0-14 the covariance, the rest room to work.
+        Rows 0-14 the covariance, the rest scratch.
     noise : (5,) float64
         `ErrorNoise`.
     s : (80,) float64

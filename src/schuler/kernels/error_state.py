@@ -27,15 +27,15 @@ from schuler.kernels.quat import qexp, qmul
 @kernel
 def predict_step(
     state, est, x, p, parts, at, cfg, options, walk, bound, fade, source, sign, transition, decay,
-    columns, chain, room, flipped,
+    columns, chain, scratch, flipped,
 ):  # fmt: skip
     """Predict error state, covariance and its parts over the span that was gathered."""
     size = p.shape[0]
     dynamic = 9 if at[layout.POSITION] >= 0 else 6
-    work, rates = room[:9], room[9:18]
+    work, rates = scratch[:9], scratch[9:18]
     block = flipped[size : size + 9]
-    noise = room[18]
-    line = room[19]
+    noise = scratch[18]
+    line = scratch[19]
     t = state[layout.SPAN]
     fill_transition(transition, decay, rates, fade, state, at, cfg, options, dynamic)
     find_columns(transition, columns, dynamic)
@@ -116,8 +116,8 @@ def close_epoch(state, est, x, p, at, cfg, sign, out, row, keep_x, keep_p, chain
 @kernel
 def run(
     state, survey, est, x, p, parts, at, cfg, options, walk, bound, fade, source, sign, aids,
-    aid_state, transition, decay, columns, chain, room, flipped, time, dt, dtheta, dvel,
-    inside, meas, first_sample, first_meas, out, keep_x, keep_p, said,
+    aid_state, transition, decay, columns, chain, scratch, flipped, time, dt, dtheta, dvel,
+    inside, meas, first_sample, first_meas, out, keep_x, keep_p, outcomes,
 ):  # fmt: skip
     """Feed a chunk of samples and the measurements up to its end; resumable.
 
@@ -146,7 +146,7 @@ def run(
         Of the last step.
     chain : (size, size) or (0, 0) float64
         Transition since the last epoch, where a smoother wants it.
-    room, flipped : (40, size), (size + 9, 12) float64
+    scratch, flipped : (40, size), (size + 9, 12) float64
         Scratch arrays.
     time, dt, dtheta, dvel : (n,), (n,), (n, 3), (n, 3) float64
         The samples, as in `ImuRecord`.
@@ -161,8 +161,8 @@ def run(
         A row for each epoch.
     keep_x, keep_p : (k, 3, size), (k, 3, size, size) float64, or (0, ...)
         For the smoother: x before, after and fed back; P before and after, and the transition.
-    said : (m, D_SIZE) float64
-        What is said of each measurement.
+    outcomes : (m, D_SIZE) float64
+        Innovation, its sigma and the weight of each measurement.
 
     Returns
     -------
@@ -188,8 +188,8 @@ def run(
                 ):  # fmt: skip
                     end += 1
                 take_group(
-                    state, est, x, p, parts, at, cfg, transition, aids, aid_state, room,
-                    meas, j, end, said,
+                    state, est, x, p, parts, at, cfg, transition, aids, aid_state, scratch,
+                    meas, j, end, outcomes,
                 )  # fmt: skip
                 j = end
             rows += close_epoch(state, est, x, p, at, cfg, sign, out, rows, keep_x, keep_p, chain)
@@ -227,7 +227,7 @@ def run(
         if state[layout.SPENT] == 0.0 and state[layout.SPAN] > 0.0 and (hit or due):
             predict_step(
                 state, est, x, p, parts, at, cfg, options, walk, bound, fade, source, sign,
-                transition, decay, columns, chain, room, flipped,
+                transition, decay, columns, chain, scratch, flipped,
             )  # fmt: skip
         if hit:
             state[layout.EPOCH_OPEN] = 1.0

@@ -32,10 +32,10 @@ def robust_weight(rule, ratio, low, high) -> float:
 
 @kernel
 def take_group(
-    state, est, x, p, parts, at, cfg, transition, aids, aid_state, room, meas, j, end, said
+    state, est, x, p, parts, at, cfg, transition, aids, aid_state, scratch, meas, j, end, outcomes
 ):  # fmt: skip
     """Judge and take the measurements j to end - 1, which are of one aid at one instant."""
-    rows, z, r = room[H_ROWS : H_ROWS + layout.MOST_ROWS], room[Z_ROW], room[R_ROW]
+    rows, z, r = scratch[H_ROWS : H_ROWS + layout.MOST_ROWS], scratch[Z_ROW], scratch[R_ROW]
     count = 0
     for m in range(j, end):
         k = int(meas[m, layout.M_AID])
@@ -46,31 +46,31 @@ def take_group(
         count += found
     k = int(meas[j, layout.M_AID])
     weight = take_rows(
-        state, x, p, parts, at, aids[k], aid_state[k], room, count, said[j : end]
+        state, x, p, parts, at, aids[k], aid_state[k], scratch, count, outcomes[j : end]
     )  # fmt: skip
     for m in range(j, end):
-        said[m, layout.D_WEIGHT] = weight
+        outcomes[m, layout.D_WEIGHT] = weight
 
 
 @kernel
-def take_rows(state, x, p, parts, at, aid, aid_state, room, count, said):
-    """Judge and take the first `count` rows of `room`; return the least weight, 0 for refused.
+def take_rows(state, x, p, parts, at, aid, aid_state, scratch, count, outcomes):
+    """Judge and take the first `count` rows of `scratch`; return the least weight, 0 for refused.
 
     Parameters
     ----------
     state, x, p, parts, at
         As in `run`.
     aid, aid_state : (A_SIZE,), (S_SIZE,) float64
-    room : (40, size) float64
+    scratch : (40, size) float64
         Rows 20-25 hold H, 26 predicted minus measured, 27 variances.
     count : int
-    said : (n, D_SIZE) float64
+    outcomes : (n, D_SIZE) float64
         Filled with innovations and their sigma, three a row.
     """
     size = p.shape[0]
-    rows, z, r = room[H_ROWS : H_ROWS + layout.MOST_ROWS], room[Z_ROW], room[R_ROW]
-    ph, gain, spare, part_ph = room[28], room[29], room[30], room[31]
-    s, e = room[32:38], room[38]
+    rows, z, r = scratch[H_ROWS : H_ROWS + layout.MOST_ROWS], scratch[Z_ROW], scratch[R_ROW]
+    ph, gain, spare, part_ph = scratch[28], scratch[29], scratch[30], scratch[31]
+    s, e = scratch[32:38], scratch[38]
     memory = aid[layout.A_MEMORY]
     for m in range(count):
         total = sparse_product(p, rows[m], ph)
@@ -86,9 +86,9 @@ def take_rows(state, x, p, parts, at, aid, aid_state, room, count, said):
             s[m, n] = total_n
             s[n, m] = total_n
         s[m, m] = total + r[m]
-        if m // 3 < said.shape[0]:
-            said[m // 3, layout.D_INNOVATION + m % 3] = e[m]
-            said[m // 3, layout.D_SIGMA + m % 3] = math.sqrt(s[m, m])
+        if m // 3 < outcomes.shape[0]:
+            outcomes[m // 3, layout.D_INNOVATION + m % 3] = e[m]
+            outcomes[m // 3, layout.D_SIGMA + m % 3] = math.sqrt(s[m, m])
     if aid[layout.A_GATED] != 0.0 and count > 0:
         square = joint_square(e, s, count)
         now = state[layout.TIME]

@@ -254,9 +254,9 @@ class Navigator:
                 f"({self._last:.9g} s)"
             )
         self._last = float(chunk.time[-1])
-        room = n // (self._subsamples * self._every) + 2
-        out = np.empty((room, self._kernel.ROW))
-        variances = np.empty((room if self.spec is not None else 0, ErrorStates.size))
+        capacity = n // (self._subsamples * self._every) + 2
+        out = np.empty((capacity, self._kernel.ROW))
+        variances = np.empty((capacity if self.spec is not None else 0, ErrorStates.size))
         used = self._kernel.navigate(
             self._state.data, self._subsamples, *self._flags, self._options,
             chunk.time, chunk.dt, chunk.dtheta, chunk.dvel, aid, self._every, out,

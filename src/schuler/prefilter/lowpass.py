@@ -98,7 +98,7 @@ class LowPass(Prefilter):
         interval = even_interval(record)
         span = min(len(record), max(2, round(self.start_span / interval)))
         # The straight line through the first (or last) samples, continued by so many before them.
-        ahead = self._memory(interval)
+        ahead = self.memory(interval)
         if self.kind == "fir":
             taps = self.taps(interval)
             half = len(taps) // 2
@@ -125,7 +125,7 @@ class LowPass(Prefilter):
 
         return each_channel(record, self.channels, self.frame, run)
 
-    def _memory(self, interval: float) -> int:
+    def memory(self, interval: float) -> int:
         """Return the samples after which the filter has forgotten its start."""
         return int(3.0 / (self.cutoff * interval)) + 1
 
@@ -188,7 +188,7 @@ class LowPassStream:
         self._held = []
         self._sos = self._design.sections(interval)
         first = np.hstack([record.gyro[:wanted], record.accel[:wanted]])
-        before = np.column_stack([_line(x, self._design._memory(interval)) for x in first.T])
+        before = np.column_stack([_line(x, self._design.memory(interval)) for x in first.T])
         state = signal.sosfilt_zi(self._sos)[:, :, None] * before[0]
         _, self._state = signal.sosfilt(self._sos, before, axis=0, zi=state)
         return self._run(record)

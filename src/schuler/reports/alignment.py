@@ -132,7 +132,8 @@ def _budget(fix: Alignment) -> Section:
         drawings=[
             Drawing(
                 figures.budget(fix),
-                "Each source's part of the heading's sigma; they add in squares." + spec,
+                "Each source's part of the heading's sigma; the total is the root sum square."
+                + spec,
                 f"Bar chart of the heading's error budget, total {fix.sigma_arcmin[2]:.3g} arcmin.",
             )
         ],

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 _LARGEST_BASE_RATE = 1.0 * DEG_PER_HOUR
 """More than so much (1-sigma) no stationary vehicle turns steadily over minutes."""
 
-_STILL = 0.85
+_STILL = 0.9
 """Probability that a base does not turn, before the record is seen."""
 
 
