@@ -29,3 +29,5 @@ def test_sigma_is_what_it_says(condition):
     low, high = chi_square_band(SEEDS - row.flagged, 2e-4)
     n = SEEDS - row.flagged
     assert 0.7 * np.sqrt(low / n) < row.heading < 1.3 * np.sqrt(high / n)
+    if not np.isnan(row.tilt):
+        assert 0.7 * np.sqrt(low / n) < row.tilt < 1.3 * np.sqrt(high / n)

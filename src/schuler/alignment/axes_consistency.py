@@ -33,6 +33,9 @@ _HIGHEST = 1.0
 _LARGEST = 0.3
 """Angle (rad) of the base within a span beyond which small angles say nothing."""
 
+_LOST = 0.005
+"""Share of a span in stretches with lost rows beyond which it says nothing."""
+
 _LEAST = 64
 """Intervals that are enough."""
 
@@ -158,6 +161,10 @@ def _of_span(rows: Array, namings: Array) -> Array | None:
         return None
     nodes = TrackerNode(rows)
     dt = np.diff(nodes.time)
+    step = dt / np.maximum(np.diff(nodes.updates), 1.0)
+    # What stands in for lost rows does not turn as the base did.
+    if dt[step > 3.0 * np.median(step)].sum() > _LOST * dt.sum():
+        return None
     bands = _Bands.of(n, float(dt.mean()))
     if bands is None:
         return None

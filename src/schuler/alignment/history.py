@@ -124,6 +124,14 @@ class History:
         n = np.diff(self.updates)
         return np.asarray(np.diff(self.rows[:, field.slice], axis=0) / n[:, None])
 
+    def mean_shares(self) -> Array:
+        """Return how far through each stretch its updates are in the mean, 0 to 1, (k-1,).
+
+        It is (n + 1) / 2n for n even updates, and another where rows were lost.
+        """
+        mean = self.block_means(TrackerNode.sum_gravity)[:, 2]
+        return np.asarray((mean - self.t[:-1]) / np.diff(self.t))
+
     def thin(self, blocks: int, keep: Iterable[int] = ()) -> tuple[History, Rows]:
         """Return at most `blocks` stretches between instants, as even as can be.
 

@@ -118,7 +118,8 @@ def make_series(
     dt = np.diff(h.t)
     m = len(dt)
     interval = h.duration / max(h.samples, 1)
-    once = np.tril(np.ones((m, m)), -1) + 0.5 * np.eye(m)
+    # Means over a stretch are those at the ends of its updates, as the sums are.
+    once = np.tril(np.ones((m, m)), -1) + np.diag(h.mean_shares())
     walk, double, short = _responses(dt)
     # The last row is the attitude at the end, which answers to all increments in full.
     stacked = np.vstack([walk, g * double, np.ones((1, walk.shape[1]))])

@@ -126,17 +126,17 @@ def weighted_responses(
     """
     dg = np.diff(h.theory(gravity, lat), axis=0)
     # What is added evenly over a stretch is in v at the later ones in full, and in its own mean,
-    # taken at the ends of its n updates, by (n + 1) / 2n.
-    n = np.diff(h.updates)[:, None, None]
+    # taken at the ends of its updates, by their mean share.
+    share = h.mean_shares()[:, None, None]
     later = np.cumsum(w.block[::-1], axis=0)[::-1] - w.block
-    accel = later + (n + 1.0) / (2.0 * n) * w.block
+    accel = later + share * w.block
     for row, point in zip(w.position, w.point, strict=True):
         accel[:row] += point
     force = accel @ skew(dg)
     tail = np.cumsum(force[::-1], axis=0)[::-1] - force
     gyro = -(tail + 0.5 * force)
     if angle is not None:
-        gyro = gyro + np.cumsum(angle[::-1], axis=0)[::-1] - 0.5 * angle
+        gyro = gyro + np.cumsum(angle[::-1], axis=0)[::-1] - (1.0 - share) * angle
     if at_end:
         gyro = gyro - np.eye(3)
     c = inertial_to_local(h.duration if at_end else 0.0, lat)
