@@ -22,6 +22,7 @@ SOURCES = (
     "gyro_bias", "accelerometer_bias", "gyro_angle_random_walk",
     "accelerometer_velocity_random_walk", "disturbance", "start",
 )  # fmt: skip
+"""Sources of noise by which a covariance may be divided."""
 
 LEAST_GYRO_BIAS, LEAST_ACCELEROMETER_BIAS = 1e-6 * DEG_PER_HOUR, 1e-3 * MICRO_G
 """Biases (1 sigma) of an instrument that is said to have none."""
