@@ -16,6 +16,7 @@ from schuler.ins.measurements import CustomMeasurement, Measurement, State, hand
 from schuler.ins.result import EpochHistory
 from schuler.ins.smoother import Epochs, Smoothed, smoothed
 from schuler.kernels import ins_layout as kernel
+from schuler.kernels.states import StrapdownOptions
 from schuler.record import ImuRecord
 
 __all__ = ["ErrorStateFilter"]
@@ -148,9 +149,10 @@ class ErrorStateFilter:
         self._cfg[kernel.FORCE_AT_REST] = force_at_rest
         self._cfg[kernel.VERTICAL] = not vertical
         self._cfg[kernel.STEP], self._cfg[kernel.FEEDBACK] = step, feedback
-        self._options = np.zeros(strapdown.OPTIONS)
-        self._options[0] = strapdown.SOMIGLIANA
-        self._options[2] = strapdown.FREE if vertical else strapdown.OFF
+        options = StrapdownOptions.zeros()
+        options.gravity_model = strapdown.SOMIGLIANA
+        options.vertical_mode = strapdown.FREE if vertical else strapdown.OFF
+        self._options = options.data
         self._aids = np.zeros((max(len(self.aids), 1), kernel.A_SIZE))
         self._aid_state = np.zeros((len(self._aids), kernel.S_SIZE))
         # Nothing was taken yet, so nothing is late.

@@ -281,7 +281,7 @@ class LocalRow(View):
 
 
 class StrapdownOptions(View):
-    """What `navigate` is told."""
+    """Options of the strapdown kernel."""
 
     gravity_model = Field()
     gravity_value = Field()  # m/s^2, of the constant model
