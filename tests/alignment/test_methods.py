@@ -133,7 +133,7 @@ def test_the_aligner_of_contributing_runs(root, own_methods, rng, tmp_path, monk
     )
     fix = sc.align(record, SITE, "mean-force(1 arcmin)")
     assert min(fix.heading_deg, 360.0 - fix.heading_deg) < 0.01
-    assert fix.sigma_arcmin[1] == pytest.approx(1.0)
+    assert fix.sigma_arcmin[1] == pytest.approx(np.hypot(1.0, SITE.deflection_sigma / 60.0))
     assert fix.to_dict()["method"]["name"] == "mean-force"
     assert "mean-force" in list(METHODS)
     with pytest.raises(InputError, match="another method"):

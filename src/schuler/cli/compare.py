@@ -12,6 +12,7 @@ from schuler.cli.common import (
     Look,
     emit_json,
     file_options,
+    gravity_options,
     json_option,
     open_file,
     progress,
@@ -30,6 +31,7 @@ __all__ = ["command"]
 @click.command("compare", cls=Command)
 @file_options
 @site_options
+@gravity_options
 @click.option(
     "--spec",
     metavar="GRADE|TOML",

@@ -12,6 +12,7 @@ from schuler.cli.common import (
     Look,
     emit_json,
     file_options,
+    gravity_options,
     json_option,
     open_file,
     progress,
@@ -39,6 +40,7 @@ __all__ = ["command"]
 @click.command("navigate", cls=Command)
 @file_options
 @site_options
+@gravity_options
 @click.option(
     "--heading",
     type=Number(-360.0, 360.0, unit="deg"),

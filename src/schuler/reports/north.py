@@ -44,9 +44,13 @@ def north_report(found: TableNorth, path: str | Path) -> None:
         plot_layout(420, "table angle, deg", "mean reading, deg/h"),
     )  # fmt: skip
     text = "Mean reading of each dwell against the table angle, and the cosine through them."
+    wrong = "".join(f"<li>{escape(text)}</li>" for text in found.contradictions)
+    sigma = f"{found.sigma_deg:.2g}°"
     head = (
         "<h1>North by an indexing table</h1>"
-        f'<p class="value">{found.north_deg:.3f}° <span class="pm">± {found.sigma_deg:.2g}°</span>'
+        + (f'<ul class="contradictions" aria-label="Inconsistent">{wrong}</ul>' if wrong else "")
+        + f'<p class="value">{found.north_deg:.3f}° '
+        + f'<p class="value">{found.north_deg:.3f}° <span class="pm">± {sigma}</span>'
         '</p><p class="sub">table angle at which the input axis points north</p>'
     )
     rows = [

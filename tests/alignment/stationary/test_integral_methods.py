@@ -19,8 +19,9 @@ from schuler.errors import InputError
 from schuler.motion import DisturbedVehicle, Static
 from schuler.sensors import GRADES
 from schuler.simulation import simulate
+from tests.conftest import NORMAL_GRAVITY
 
-SITE, FOG = Site(40.0), GRADES["navigation-fog"]
+SITE, FOG = Site(40.0, **NORMAL_GRAVITY), GRADES["navigation-fog"]
 
 
 def run(seed, method, duration=200.0, crew=True):
@@ -58,7 +59,7 @@ def test_latitude_comes_out_with_its_sigma():
         rng = np.random.default_rng([seed, 10])
         lat = rng.uniform(-65, 65)
         motion = DisturbedVehicle.with_crew(rng, 200.0) if seed % 2 else Static(40.0)
-        made = simulate(motion, Site(lat), 200.0, 20.0, FOG, rng)
+        made = simulate(motion, Site(lat, **NORMAL_GRAVITY), 200.0, 20.0, FOG, rng)
         found = align_without_latitude(made.record, FOG)
         z.append((found.latitude - lat * DEG) / found.sigma)
         assert found.sigma < 0.2 * DEG
