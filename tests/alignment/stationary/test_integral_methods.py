@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -106,3 +107,15 @@ def test_comparison():
     assert "settle" in short.rows[0].note
     assert settle_time(align(record, SITE, "centred", FOG)) < 300.0
     json.dumps(found.to_dict(), allow_nan=False)
+    assert found.consistent
+    assert all(row.consistent for row in found.rows)
+
+
+def test_a_comparison_says_first_what_its_record_contradicts():
+    rng = np.random.default_rng(4)
+    record = simulate(Static(30.0), SITE, 120.0, 20.0, FOG, rng).record
+    wrong = replace(record, dvel=-record.dvel)
+    found = compare(wrong, SITE, FOG, (("auto", "none"),))
+    assert (found.consistent, found.rows[0].consistent) == (False, False)
+    assert str(found).startswith("INCONSISTENT: the gyros' mean rate")
+    assert found.to_dict()["contradictions"] == list(found.contradictions)
