@@ -92,7 +92,7 @@ def test_centrifuge_prints_the_table_and_its_json(cli, tmp_path):
     code, text, _ = cli("calibrate", "centrifuge", "--simulate", 1, "--dwell", "10s", "--json",
                         tmp_path / "c.json", "--report", tmp_path / "c.html")  # fmt: skip
     assert code == 0
-    assert text.count("\n") == 47 + len(("wrote c.json", "wrote c.html"))
+    assert text.count("\n") == 48 + len(("wrote c.json", "wrote c.html"))
     data = json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))
     schema("calibrate-centrifuge").validate(data)
     for row in data["rows"]:
@@ -100,6 +100,48 @@ def test_centrifuge_prints_the_table_and_its_json(cli, tmp_path):
     page = (tmp_path / "c.html").read_text(encoding="utf-8")
     assert "Weakest combinations" in page
     assert cli("calibrate", "centrifuge", "--positions", "a,b")[0] == 2
+
+
+def test_a_simulated_centrifuge_test_is_identified_from_its_file(cli, tmp_path):
+    test = tmp_path / "test.toml"
+    test.write_text(
+        'seed = 3\n[plant]\norder = "yzx"\nd_oo = true\ncommanded = [30, -20, 10]\n[scheme]\n'
+        "dwell = 4\npositions = [[45,0,167],[350,0,325],[209,0,182],[134,0,141],[106,0,338],"
+        "[142,0,269],[45,0,167],[350,0,325],[209,0,182],[134,0,141],[106,0,338],[142,0,269]]\n"
+        "forces = [10,10,10,10,10,10,5,5,5,5,5,5]\n",
+        encoding="utf-8",
+    )
+    code, text, out = cli("simulate", test, "--out", tmp_path / "o.csv", "--json", "-")
+    assert code == 0, text
+    schema("centrifuge-simulation").validate(json.loads(out))
+    code, text, out = cli("calibrate", "centrifuge", tmp_path / "o.csv", "--json", "-")
+    assert code == 0, text
+    data = json.loads(out)
+    schema("calibrate-centrifuge").validate(data)
+    assert len(data["rows"]) == 48
+    assert 0.4 < data["nees_per_coefficient"] < 1.8
+    assert data["gimbal_order"] == "yzx"
+    # Another plant than the one that was simulated does not fit.
+    (tmp_path / "plain.toml").write_text('order = "zyx"\nd_oo = true\n', encoding="utf-8")
+    code, text, _ = cli("calibrate", "centrifuge", tmp_path / "o.csv", "--plant",
+                        tmp_path / "plain.toml")  # fmt: skip
+    assert code == 2
+    assert "diverged at position" in text
+    (tmp_path / "plain.toml").write_text(
+        'order = "yzx"\nd_oo = true\nnoise = 2.0\ncommanded = [30, -20, 10]\n', encoding="utf-8"
+    )
+    code, text, out = cli("calibrate", "centrifuge", tmp_path / "o.csv", "--json", "-", "--plant",
+                          tmp_path / "plain.toml")  # fmt: skip
+    assert code == 3
+    assert json.loads(out)["mean_squared_innovation"] > 10.0
+    for words, said in (
+        (["--positions", "1,0,2"], "has 12 position"), (["--simulate", 1], "of its own"),
+        (["--scheme", test, "--positions", "1,0,2"], "say one"), (["--accel", "s"], "--accel"),
+    ):  # fmt: skip
+        code, text, _ = cli("calibrate", "centrifuge", tmp_path / "o.csv", *words)
+        assert code == 2
+        assert said in text
+    assert cli("simulate", test, "--truth", tmp_path / "t.parquet")[0] == 2
 
 
 @pytest.mark.realdata

@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
+from schuler.centrifuge.files import (
+    CentrifugeScheme,
+    plant_from_toml,
+    read_outputs,
+    scheme_from_toml,
+    write_outputs,
+)
 from schuler.centrifuge.filter import Ekf, PlatformFit, fit_platform, simulate_platform
 from schuler.centrifuge.objective import (
     OBJECTIVES,
@@ -22,6 +29,7 @@ from schuler.centrifuge.plant import (
     published_truth,
     scheme_information,
 )
+from schuler.centrifuge.result import CentrifugeTest, identify
 
 __all__ = [
     "OBJECTIVES",
@@ -29,6 +37,8 @@ __all__ = [
     "PUBLISHED_POSITIONS",
     "PUBLISHED_TRUTH",
     "AngleLimits",
+    "CentrifugeScheme",
+    "CentrifugeTest",
     "Ekf",
     "Judgement",
     "Objective",
@@ -42,10 +52,15 @@ __all__ = [
     "evaluate_positions",
     "explore",
     "fit_platform",
+    "identify",
     "judge",
     "plan",
+    "plant_from_toml",
     "published_truth",
+    "read_outputs",
+    "scheme_from_toml",
     "scheme_information",
     "simulate_platform",
     "time_to_reach",
+    "write_outputs",
 ]

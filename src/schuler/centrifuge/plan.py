@@ -122,6 +122,11 @@ class Problem:
             raise InputError(f"unknown method '{self.method}'; known: {', '.join(SEARCHES)}")
         if self.plant.d_oo:
             raise InputError("D_OO needs several levels of force, which a plan does not vary")
+        if not self.plant.is_still:
+            raise InputError(
+                "a plan is for a platform that keeps its attitude: leave out the commanded rate, "
+                "the servo error and the gyros' mounting angles"
+            )
         self.plant.turns(self.dwell)
         self.objective.scale(self.plant)
 
@@ -189,8 +194,9 @@ def _evaluate(problem: Problem, tables: Tables, schemes: Array, kernel: Any) -> 
     out = np.empty(len(schemes))
     nodes, blend, root, omega = tables.arrays
     kernel(
-        np.ascontiguousarray(schemes * DEG), nodes, blend, root, omega, problem.plant.terms,
-        tables.prior, problem.objective.scale(problem.plant), problem.objective.kind, out,
+        np.ascontiguousarray(schemes * DEG), problem.plant.order_number, nodes, blend, root, omega,
+        problem.plant.terms, tables.prior, problem.objective.scale(problem.plant),
+        problem.objective.kind, out,
     )  # fmt: skip
     return out
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from schuler.centrifuge import OBJECTIVES, PUBLISHED_POSITIONS, Plan, judge
-from schuler.reports.calibrate import correlation_figure
+from schuler.reports.centrifuge import correlation_figure
 from schuler.reports.figures import BLUE, GREY, ORANGE, figure_of, plot_layout
 from schuler.reports.page import Drawing, Section, definition_table, graph_objects, write_page
 
