@@ -30,16 +30,20 @@ def cli():
 
 
 def test_plan_gives_its_json(cli, tmp_path):
-    code, _, out = cli("plan", "centrifuge", "--rounds", 1, "--seed", 1, "--json", "-")
+    narrow = ("plan", "centrifuge", "--rounds", 1, "--seed", 1, "--alpha", "0,60", "--gamma",
+              "0,90", "--json", "-")  # fmt: skip
+    code, _, out = cli(*narrow)
     assert code == 0
     data = json.loads(out)
     schema("plan").validate(data)
     assert data["objective"] < data["published_objective"]
+    assert data["objective_name"] == "min-max"
+    assert all(row["best"] <= row["plan"] for row in data["objectives"])
     assert len(data["positions"]) == 6
     (tmp_path / "p.json").write_text(out, encoding="utf-8")
-    code, _, out = cli("plan", "centrifuge", "--rounds", 1, "--seed", 1, "--resume",
-                       tmp_path / "p.json", "--json", "-")  # fmt: skip
+    code, _, out = cli(*narrow, "--resume", tmp_path / "p.json", "--compare", 0)
     again = json.loads(out)
+    assert all(row["best"] is None for row in again["objectives"])
     assert again["rounds"] == 2
     assert again["objective"] <= data["objective"]
 
@@ -48,10 +52,12 @@ def test_plan_draws_the_trade(cli, tmp_path):
     pytest.importorskip("plotly")
     code, text, _ = cli(
         "plan", "centrifuge", "--positions", "4-5", "--total", "40s", "--rounds", 1, "--alpha",
-        "0,150", "--gamma", "0,150", "--report", tmp_path / "p.html", "--json", tmp_path / "p.json",
+        "0,90", "--gamma", "0,90", "--report", tmp_path / "p.html", "--json", tmp_path / "p.json",
     )  # fmt: skip
     assert code == 0
     assert "positions" in text
+    assert "optimised: largest sigma / wanted" in text
+    assert "best found" in text
     assert "The trade" in (tmp_path / "p.html").read_text(encoding="utf-8")
     for each in json.loads((tmp_path / "p.json").read_text(encoding="utf-8"))["plans"]:
         schema("plan").validate(each)

@@ -17,7 +17,15 @@ from schuler.centrifuge.objective import (
     judge,
     time_to_reach,
 )
-from schuler.centrifuge.plan import AngleLimits, Plan, Problem, evaluate_positions, explore, plan
+from schuler.centrifuge.plan import (
+    AngleLimits,
+    Plan,
+    Problem,
+    compare_objectives,
+    evaluate_positions,
+    explore,
+    plan,
+)
 from schuler.centrifuge.plant import (
     PUBLISHED_ESTIMATES,
     PUBLISHED_POSITIONS,
@@ -30,6 +38,7 @@ from schuler.centrifuge.plant import (
     scheme_information,
 )
 from schuler.centrifuge.result import CentrifugeTest, identify
+from schuler.centrifuge.scorecard import Scorecard, score
 
 __all__ = [
     "OBJECTIVES",
@@ -46,8 +55,10 @@ __all__ = [
     "Plant",
     "PlatformFit",
     "Problem",
+    "Scorecard",
     "coefficient_names",
     "coefficient_units",
+    "compare_objectives",
     "direct_information",
     "evaluate_positions",
     "explore",
@@ -60,6 +71,7 @@ __all__ = [
     "read_outputs",
     "scheme_from_toml",
     "scheme_information",
+    "score",
     "simulate_platform",
     "time_to_reach",
     "write_outputs",
