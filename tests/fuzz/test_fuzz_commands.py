@@ -182,6 +182,26 @@ class Worker:
         self._answers.close()
 
 
+def asked_for(words: list[str], path: Path) -> bool:
+    """Say whether a command that takes no record was told to write a file, itself or by a link."""
+    outputs = [w.rpartition("=")[2] for w in words]
+    return words[0] == "simulate" and any(Path(w).resolve() == path.resolve() for w in outputs)
+
+
+WARM = [
+    ["align", "ok.csv", "--lat", "40", "--spec", "navigation-fog", "--report", "warm.html"],
+    ["compare", "ok.csv", "--lat", "40"],
+    ["navigate", "ok.csv", "--lat", "40", "--heading", "3", "--spec", "navigation-fog"],
+    ["allan", "ok.csv"], ["info", "ok.csv"], ["limit", "--spec", "navigation-fog", "--lat", "40"],
+    ["demo", "--out", "warm", "--minutes", "0.2"], ["array", "symmetric4"],
+    ["calibrate", "systematic", "ok.csv", "--lat", "40", "--spec", "navigation-fog"],
+    ["calibrate", "centrifuge", "--simulate", "1"],
+    ["plan", "centrifuge", "--rounds", "1", "--time-limit", "1s", "--positions", "2"],
+    ["rotation", "residual", "two-axis-16"], ["simulate", "scene.toml", "--out", "warm.csv"],
+    ["campaign", "scene.toml", "--runs", "2", "--workers", "0", "--out", "warm.d"],
+]  # fmt: skip
+
+
 @pytest.mark.slow
 @pytest.mark.compiled
 def test_random_command_lines_end_well(bench):
@@ -190,16 +210,17 @@ def test_random_command_lines_end_well(bench):
     worker = Worker()
     bad = []
     try:
-        # The first of each kind pays for imports and kernels that are not compiled yet.
-        warm = worker.ask(["align", "ok.csv", "--lat", "40", "--report", "warm.html"], 300.0)
-        assert warm is not None
-        # Compiling takes memory of its own, where the kernels are not in the cache.
-        most = max(MEMORY_KB, warm["peak_kb"] + 200_000)
+        # Kernels that are not compiled yet take memory of their own: another process pays for them.
+        for words in WARM:
+            assert worker.ask(words, 300.0) is not None
+        worker.close()
+        worker = Worker()
+        worker.ask(["--help"], 60.0)
         for k in range(LINES):
             words = draw(*commands[k % len(commands)], rng)
             if any("\0" in w for w in words):
                 continue
-            found = worker.ask(words, DEADLINE if k > len(commands) else 120.0)
+            found = worker.ask(words, DEADLINE)
             if found is None or found["code"] == "died":
                 bad.append((words, "no answer in time" if found is None else "died"))
                 worker.close()
@@ -212,11 +233,11 @@ def test_random_command_lines_end_well(bench):
                 or "Traceback" in found["err"]
                 or (found["code"] == 2 and len(last) != 1)
                 or "\x1b" in found["out"] + found["err"]
-                or found["peak_kb"] > most
+                or found["peak_kb"] > MEMORY_KB
             ):
                 bad.append((words, {k: str(v)[-600:] for k, v in found.items() if k != "out"}))
             for path, before in bench.items():
-                if digest(path) != before:
+                if digest(path) != before and not asked_for(words, path):
                     bad.append((words, f"{path.name} was changed"))
                     pytest.fail(f"{bad}")
     finally:

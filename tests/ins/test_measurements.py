@@ -77,7 +77,8 @@ def test_rows_are_derivatives_of_the_prediction(name, which):
     state = nominal(rotvec_to_quat(size * rng.normal(size=3)), [3.0, 11.0, -0.5])
     rate = np.array([0.1, -0.2, 0.4])
     state[kernel.RATE_B : kernel.RATE_B + 3] = rate
-    state[kernel.ACCELERATION : kernel.ACCELERATION + 3] = 1.0, -2.0, 0.3
+    at = kernel.MEAN_ACCELERATION
+    state[at : at + 3] = 1.0, -2.0, 0.3
     if fixed:
         turn = rotvec_to_quat(size * 1e-3 * rng.normal(size=3))
         state[kernel.QUAT_START : kernel.QUAT_START + 4] = turn

@@ -352,6 +352,11 @@ class ErrorStateFilter:
     # -- results -----------------------------------------------------------------------
 
     @property
+    def smooths(self) -> bool:
+        """Whether it keeps what `smoothed` needs."""
+        return bool(len(self._chain))
+
+    @property
     def samples(self) -> int:
         """Samples taken so far."""
         return int(self._state[kernel.SAMPLES])

@@ -101,6 +101,8 @@ class Measurement:
     estimate : tuple of str
         Which of "lever", "delay", "scale", "mount" and "offset" are states: what is given is then
         only their start.
+    shared : mapping of str to str, optional
+        Which of these states are those of another aid, and of which.
     """
 
     time: ArrayLike
@@ -111,6 +113,7 @@ class Measurement:
     lever: ArrayLike = (0.0, 0.0, 0.0)
     delay: float = 0.0
     estimate: tuple[str, ...] = ()
+    shared: Mapping[str, str] = field(default_factory=dict)
 
     KIND: ClassVar[int] = -1
     STATES: ClassVar[Mapping[str, int]] = {"lever": 3, "delay": 1}
@@ -141,10 +144,12 @@ class Measurement:
     def groups(self) -> list[tuple[str, int]]:
         """Groups of error states that it adds to a layout."""
         return [
-            (f"{self.label}.{part}", size)
-            for part, size in self.STATES.items()
-            if part in self.estimate
+            (self.group(part), size) for part, size in self.STATES.items() if part in self.estimate
         ]
+
+    def group(self, part: str) -> str:
+        """Return the name of the group of a part: its own, or that of the aid that shares it."""
+        return f"{self.shared.get(part, self.label)}.{part}"
 
     def table(self, aid: int) -> Array:
         """Return the rows of the kernel's table of measurements, (m, M_SIZE)."""
@@ -165,7 +170,7 @@ class Measurement:
             ("lever", kernel.A_AT_LEVER), ("delay", kernel.A_AT_DELAY),
             ("scale", kernel.A_AT_SCALE), ("offset", kernel.A_AT_OFFSET),
         ):  # fmt: skip
-            aid[place] = layout.index(f"{self.label}.{part}")
+            aid[place] = layout.index(self.group(part)) if part in self.estimate else -1
         return aid
 
 
@@ -246,14 +251,14 @@ class BodyVelocity(Measurement):
     def groups(self) -> list[tuple[str, int]]:
         """Groups of error states that it adds to a layout."""
         sizes = {**self.STATES, "mount": len(self.mount_axes)}
-        return [(f"{self.label}.{part}", sizes[part]) for part in sizes if part in self.estimate]
+        return [(self.group(part), sizes[part]) for part in sizes if part in self.estimate]
 
     def parameters(self, layout: Layout, sources: tuple[str, ...]) -> Array:
         """Return the kernel's description of the aid, (A_SIZE,)."""
         aid = super().parameters(layout, sources)
         aid[kernel.A_MOUNT : kernel.A_MOUNT + 4] = self.mount
         aid[kernel.A_SCALE] = self.scale
-        first = layout.index(f"{self.label}.mount")
+        first = layout.index(self.group("mount")) if "mount" in self.estimate else -1
         for k, axis in enumerate(self.mount_axes):
             if first >= 0:
                 aid[kernel.A_AT_MOUNT + "xyz".index(axis)] = first + k

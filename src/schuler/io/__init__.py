@@ -13,6 +13,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from schuler.io.aiding import read_gnss, read_speed
 from schuler.io.content import Content, Reader
 from schuler.io.frames import from_pandas, from_pyins, from_xarray, to_pyins
 from schuler.io.mapping import Mapping
@@ -33,6 +34,8 @@ __all__ = [
     "from_xarray",
     "open_source",
     "read",
+    "read_gnss",
+    "read_speed",
     "read_trajectory",
     "readers",
     "register",

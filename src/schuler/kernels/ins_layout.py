@@ -54,13 +54,19 @@ RESETS = 38  # times that the lock-out guard widened the covariance
 SQUARES = 39  # of this epoch: sum of squared normalised innovations
 COUNT = 40  # of this epoch: scalar measurements taken
 SPENT = 108  # 1 when the sums below have been used for a prediction
-# Sums since the last prediction.
+SUMS_END = 109
+MEAN_ACCELERATION = 109  # 3, over the last `ACCELERATION_TIME`, n axes
+# Sums since the last prediction, up to SUMS_END.
 SPAN = 41
 MEAN_C = 42  # 9, integral of C_b^n, by rows
 MEAN_F = 51  # 3, integral of the specific force, n axes
 GYRO_PRODUCT = 54  # 27, integral of C_ij w_k
 FORCE_PRODUCT = 81  # 27, integral of C_ij f_k
 STATE_SIZE = 112
+
+ACCELERATION_TIME = 0.2
+"""Time over which the acceleration is averaged that a delay is multiplied by, s: vibration in
+single samples would pull an estimated delay towards nothing."""
 
 # Settings, `cfg`.
 FIXED_PLACE = 0  # 1: latitude and height are known and do not change

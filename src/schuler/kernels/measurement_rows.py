@@ -109,11 +109,13 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
                 row[layout.M_VALUE + 2],
             )  # fmt: skip
             place = qrotate(q, lever)
-            value = axpy(-tau, v_l, add(d, place))
-            change = v_l
+            # Over a tenth of a second a car that brakes moves by centimetres to second order.
+            acceleration = three(state, layout.MEAN_ACCELERATION)
+            change = axpy(-tau, acceleration, v_l)
+            value = axpy(-tau, axpy(-0.5 * tau, acceleration, v_l), add(d, place))
             turned = place
         else:
-            acceleration = three(state, layout.ACCELERATION)
+            acceleration = three(state, layout.MEAN_ACCELERATION)
             value = axpy(-tau, acceleration, v_l)
             change = acceleration
             turned = rotated

@@ -73,7 +73,7 @@ def take_sample(state, survey, est, at, cfg, options, t, part, a, f, inside):
         As a row in `run`.
     """
     if state[layout.SPENT] != 0.0:
-        for k in range(layout.SPAN, layout.STATE_SIZE):
+        for k in range(layout.SPAN, layout.SUMS_END):
             state[k] = 0.0
         state[layout.SPENT] = 0.0
     h = part * t
@@ -110,6 +110,7 @@ def take_sample(state, survey, est, at, cfg, options, t, part, a, f, inside):
     else:
         q, v, force = _fixed(state, at, cfg, est, h, ta, tv, con, scu, q, v)
     put_four(state, layout.QUAT_NB, q)
+    _average(state, h, v)
     put_three(state, layout.V_N, v)
     put_three(state, layout.RATE_B, scale(1.0 / h, ta))
     _accumulate(state, at, h, rows, raw_a, raw_f, force)
@@ -124,6 +125,15 @@ def _earth(at, cfg, est):
     if at[layout.FRAME_RATE] >= 0:
         earth = add(earth, three(est, at[layout.FRAME_RATE]))
     return earth
+
+
+@helper
+def _average(state, h, v):
+    """Carry the mean acceleration on to a new velocity."""
+    weight = h / (layout.ACCELERATION_TIME + h) if state[layout.SAMPLES] > 0.0 else 1.0
+    for c in range(3):
+        now = (v[c] - state[layout.V_N + c]) / h
+        state[layout.MEAN_ACCELERATION + c] += weight * (now - state[layout.MEAN_ACCELERATION + c])
 
 
 @helper

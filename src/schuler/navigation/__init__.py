@@ -1,7 +1,9 @@
-"""Free-inertial navigation, its error covariance, and its evaluation against a reference."""
+"""Navigation, free-inertial and aided, its error covariance, and its evaluation."""
 
 from __future__ import annotations
 
+from schuler.navigation.aided import AidingOptions, navigate_aided
+from schuler.navigation.aided_result import AidedNavigation
 from schuler.navigation.error_model import error_matrix
 from schuler.navigation.evaluate import (
     Components,
@@ -12,14 +14,21 @@ from schuler.navigation.evaluate import (
     schuler_rate,
 )
 from schuler.navigation.lever import at_lever
+from schuler.navigation.motion_start import MotionStart, motion_start
 from schuler.navigation.navigator import Navigator, Start, navigate
 from schuler.navigation.options import Gravity, Vertical, parse_gravity, parse_vertical
+from schuler.navigation.outages import Outages, OutageScore
 
 __all__ = [
+    "AidedNavigation",
+    "AidingOptions",
     "Components",
     "Evaluation",
     "Gravity",
+    "MotionStart",
     "Navigator",
+    "OutageScore",
+    "Outages",
     "Start",
     "Vertical",
     "at_lever",
@@ -27,7 +36,9 @@ __all__ = [
     "components",
     "error_matrix",
     "evaluate",
+    "motion_start",
     "navigate",
+    "navigate_aided",
     "parse_gravity",
     "parse_vertical",
     "schuler_rate",

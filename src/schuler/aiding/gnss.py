@@ -1,0 +1,279 @@
+"""`GnssFixes`: positions and velocities of an antenna, checked when they are made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.earth import radii
+from schuler.errors import InputError
+
+__all__ = ["GnssFixes"]
+
+Array = NDArray[np.float64]
+
+LEAST_SIGMA = (0.005, 0.005)
+"""Of a position (m) and of a velocity (m/s): no receiver is better."""
+
+LARGEST_SIGMA = 1e4
+"""A fix that is said to be worse than this (m) is none."""
+
+_RTK = 0.02
+"""Receivers that say they are better than this (m) are twice as bad on a moving antenna."""
+
+PARTS = ("delay", "lever")
+
+
+@dataclass(frozen=True, eq=False)
+class GnssFixes:
+    """Fixes of a GNSS antenna.
+
+    Rows that cannot be fixes are left out and counted in `dropped`: times that repeat, numbers that
+    are not finite, latitude and longitude both zero, a sigma of nothing or of kilometres, and a
+    position that stands still to the last bit while the velocity does not.
+
+    Parameters
+    ----------
+    time : (n,) array_like
+        On the record's clock, s.
+    lat, lon : (n,) array_like
+        rad.
+    height : (n,) array_like
+        Above the ellipsoid, m.
+    sigma : float or (n, 3) array_like
+        1-sigma of the position, east, north, up, m.
+    v_n : (n, 3) array_like, optional
+        Velocity, east, north, up, m/s.
+    v_sigma : float or (n, 3) array_like
+        1-sigma of the velocity, m/s.
+    quality : (n,) array_like, optional
+        As RTKLIB: 1 fixed, 2 float, 4 differential, 5 single.
+    lever : (3,) array_like
+        From the IMU to the antenna, body axes, m.
+    delay : float
+        A fix stamped t is valid at t - delay, s.
+    estimate : tuple of str
+        Which of "lever" and "delay" are estimated.
+    name : str
+    dropped : mapping of str to int
+        Rows that were left out, by reason.
+
+    Raises
+    ------
+    InputError
+        For arrays of other shapes, latitudes that are no angles in rad, or fewer than two fixes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> fixes = GnssFixes(np.arange(4.0), np.full(4, 0.7), [0, 1e-6, 2e-6, 2e-6], np.zeros(4), 3.0)
+    >>> len(fixes)
+    4
+    """
+
+    time: ArrayLike
+    lat: ArrayLike
+    lon: ArrayLike
+    height: ArrayLike
+    sigma: ArrayLike = 3.0
+    v_n: ArrayLike | None = None
+    v_sigma: ArrayLike = 0.1
+    quality: ArrayLike | None = None
+    lever: ArrayLike = (0.0, 0.0, 0.0)
+    delay: float = 0.0
+    estimate: tuple[str, ...] = ()
+    name: str = "gnss"
+    dropped: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        time = np.asarray(self.time, np.float64)
+        n = len(time)
+        columns: dict[str, Any] = {"time": time}
+        for name in ("lat", "lon", "height"):
+            columns[name] = np.asarray(getattr(self, name), np.float64)
+        if self.quality is not None:
+            columns["quality"] = np.asarray(self.quality, np.float64)
+        for name in ("sigma", "v_sigma"):
+            value = np.asarray(getattr(self, name), np.float64)
+            value = value[:, None] if value.shape == (n,) and n != 3 else value
+            columns[name] = np.array(np.broadcast_to(value, (n, 3)))
+        if self.v_n is not None:
+            columns["v_n"] = np.asarray(self.v_n, np.float64)
+        for name, value in columns.items():
+            shape = (n, 3) if name in ("sigma", "v_sigma", "v_n") else (n,)
+            if value.shape != shape:
+                raise InputError(f"{self.name}: {name} must be of shape {shape}, got {value.shape}")
+        unknown = set(self.estimate) - set(PARTS)
+        if unknown:
+            raise InputError(f"{self.name}: cannot estimate {min(unknown)}; say lever or delay")
+        lever = np.asarray(self.lever, np.float64)
+        if lever.shape != (3,) or not np.all(np.isfinite(lever)) or np.abs(lever).max() > 100.0:
+            raise InputError(
+                f"{self.name}: a lever arm has three numbers of at most 100 m, got {self.lever}"
+            )
+        if not (np.isfinite(self.delay) and abs(self.delay) < 10.0):
+            raise InputError(f"{self.name}: a delay is less than 10 s, got {self.delay}")
+        dropped = dict(self.dropped)
+        keep = _usable(columns, dropped)
+        order = np.flatnonzero(keep)
+        order = order[np.argsort(time[order], kind="stable")]
+        first = np.diff(time[order], prepend=-np.inf) > 0.0
+        _count(dropped, "a time that repeats", len(order) - int(np.sum(first)))
+        order = order[first]
+        order = order[_moving(columns, order, dropped)]
+        if len(order) < 2:
+            said = ", ".join(f"{count} with {reason}" for reason, count in dropped.items())
+            raise InputError(
+                f"{self.name}: fewer than two usable fixes of {n}{': ' + said if said else ''}"
+            )
+        for name, value in columns.items():
+            object.__setattr__(self, name, np.ascontiguousarray(value[order]))
+        _floor(self.sigma, LEAST_SIGMA[0], twice=True)
+        _floor(self.v_sigma, LEAST_SIGMA[1])
+        object.__setattr__(self, "lever", lever)
+        object.__setattr__(self, "dropped", dropped)
+
+    def __len__(self) -> int:
+        return len(np.asarray(self.time))
+
+    def rows(self, which: NDArray[Any]) -> GnssFixes:
+        """Return some of the fixes.
+
+        Raises
+        ------
+        InputError
+            If fewer than two are left.
+        """
+        cut = {
+            name: np.asarray(getattr(self, name))[which]
+            for name in ("time", "lat", "lon", "height", "v_n", "quality")
+            if getattr(self, name) is not None
+        }
+        sigma = np.asarray(self.sigma)[which], np.asarray(self.v_sigma)[which]
+        return replace(self, sigma=sigma[0], v_sigma=sigma[1], **cut)
+
+    @property
+    def speed(self) -> Array | None:
+        """Level speed, m/s, (n,)."""
+        if self.v_n is None:
+            return None
+        return np.asarray(np.linalg.norm(np.asarray(self.v_n)[:, :2], axis=1))
+
+    def local(self) -> Array:
+        """Return east, north, up of the first fix, m, (n, 3)."""
+        lat, lon, height = (np.asarray(x) for x in (self.lat, self.lon, self.height))
+        meridian, transverse = radii(lat)
+        turn = (lon - lon[0] + np.pi) % (2.0 * np.pi) - np.pi
+        return np.column_stack([
+            turn * (transverse + height) * np.cos(lat), (lat - lat[0]) * (meridian + height),
+            height - height[0],
+        ])  # fmt: skip
+
+    def contradictions(self) -> list[str]:
+        """Hold the positions against the velocities; return what cannot be, in sentences.
+
+        A swapped pair, degrees read as radians, or a velocity down read as up shows there.
+        """
+        if self.v_n is None or len(self) < 8:
+            return []
+        time, place, v = np.asarray(self.time), self.local(), np.asarray(self.v_n)
+        dt = np.diff(time)
+        near = dt < 3.0 * np.median(dt)
+        off = (np.diff(place, axis=0) / dt[:, None] - 0.5 * (v[1:] + v[:-1]))[near]
+        sigma = (np.asarray(self.sigma)[1:] / dt[:, None])[near] + np.asarray(self.v_sigma)[1:][
+            near
+        ]
+        moved = 0.5 * (v[1:] + v[:-1])[near]
+        found = []
+        for axis, name in enumerate(("east", "north", "up")):
+            spread = float(np.median(np.abs(off[:, axis])))
+            size = float(np.sqrt(np.mean(moved[:, axis] ** 2)))
+            noise = 3.0 * float(np.median(sigma[:, axis]))
+            if spread > noise and spread > 0.5 * float(np.median(np.abs(moved[:, axis]))):
+                reverse = float(np.median(np.abs(off[:, axis] + 2.0 * moved[:, axis])))
+                advice = (
+                    "its sign seems turned (down read as up?)" if reverse < 0.3 * spread
+                    else "are latitude and longitude, their units and the velocity's axes right?"
+                )  # fmt: skip
+                found.append(
+                    f"{self.name}: the positions change {name} by other than the velocity says "
+                    f"(median difference {spread:.3g} m/s, velocity {size:.3g} m/s rms): {advice}"
+                )
+        return found
+
+    def describe(self) -> dict[str, Any]:
+        """Return rate, span, quality and gaps in plain values."""
+        time = np.asarray(self.time)
+        dt = np.diff(time)
+        usual = float(np.median(dt))
+        out: dict[str, Any] = {
+            "fixes": len(self), "start_s": float(time[0]), "end_s": float(time[-1]),
+            "rate_hz": 1.0 / usual, "gaps": int(np.sum(dt > 2.5 * usual)),
+            "longest_gap_s": float(dt.max()),
+            "sigma_m": [float(x) for x in np.median(np.asarray(self.sigma), axis=0)],
+            "velocity": self.v_n is not None, "dropped": dict(self.dropped),
+        }  # fmt: skip
+        if self.quality is not None:
+            values, counts = np.unique(np.asarray(self.quality), return_counts=True)
+            out["quality"] = {f"{v:g}": int(c) for v, c in zip(values, counts, strict=True)}
+        return out
+
+
+def _count(dropped: dict[str, int], reason: str, count: int) -> None:
+    if count:
+        dropped[reason] = dropped.get(reason, 0) + count
+
+
+def _usable(columns: Mapping[str, Array], dropped: dict[str, int]) -> NDArray[np.bool_]:
+    """Return which rows are numbers that a fix can have."""
+    lat, lon, height = columns["lat"], columns["lon"], columns["height"]
+    finite = np.isfinite(columns["time"])
+    for name in ("lat", "lon", "height", "sigma", "v_sigma", "v_n"):
+        if name in columns:
+            x = columns[name]
+            finite &= np.isfinite(x if x.ndim == 1 else x.sum(axis=1))
+    _count(dropped, "a value that is no number", int(np.sum(~finite)))
+    keep = finite.copy()
+    with np.errstate(invalid="ignore"):
+        nowhere = keep & (lat == 0.0) & (lon == 0.0)
+        _count(dropped, "latitude and longitude zero", int(np.sum(nowhere)))
+        keep &= ~nowhere
+        sigma = columns["sigma"]
+        bad = keep & (np.any(sigma <= 0.0, axis=1) | np.any(sigma > LARGEST_SIGMA, axis=1))
+        _count(dropped, "a sigma of nothing or of kilometres", int(np.sum(bad)))
+        keep &= ~bad
+        wrong = keep & (
+            (np.abs(lat) > 0.5 * np.pi) | (np.abs(lon) > 2.0 * np.pi) | (np.abs(height) > 1e5)
+        )
+    if np.any(wrong):
+        k = int(np.flatnonzero(wrong)[0])
+        raise InputError(
+            f"a fix at t = {columns['time'][k]:.9g} s has latitude {lat[k]:.6g} rad, longitude "
+            f"{lon[k]:.6g} rad and height {height[k]:.6g} m, which is no place: check its units "
+            "and that latitude and longitude are not exchanged"
+        )
+    return keep
+
+
+def _moving(
+    columns: Mapping[str, Array], order: NDArray[np.int64], dropped: dict[str, int]
+) -> NDArray[np.bool_]:
+    """Return which of the rows are not a stale position of a receiver that lost its fixes."""
+    same = np.zeros(len(order), bool)
+    if "v_n" in columns and len(order) > 2:
+        place = np.column_stack([columns[name][order] for name in ("lat", "lon", "height")])
+        speed = np.linalg.norm(columns["v_n"][order], axis=1)
+        same[1:] = np.all(place[1:] == place[:-1], axis=1) & (speed[1:] > 1.0)
+    _count(dropped, "a position that stands while the velocity does not", int(np.sum(same)))
+    return ~same
+
+
+def _floor(sigma: Any, least: float, *, twice: bool = False) -> None:
+    """Raise a table of sigmas to what a moving antenna can have."""
+    if twice:
+        sigma[sigma < _RTK] *= 2.0
+    np.maximum(sigma, least, out=sigma)

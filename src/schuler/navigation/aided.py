@@ -1,0 +1,359 @@
+"""Navigation of a vehicle that moves, aided by whatever else was measured.
+
+A record, GNSS fixes, speeds and constraints go through one `schuler.ins.ErrorStateFilter`. Fixes
+that are withheld (`Outages`) are predicted and compared, never used: the score of a result on its
+own record.
+
+Source: Groves (2013), chapters 14 and 16; Niu et al. (2025) for scale factors as states.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.aiding import BodySpeed, GnssFixes, Rests, find_rest
+from schuler.constants import DEG, DEG_PER_HOUR
+from schuler.earth import Site
+from schuler.errors import InputError
+from schuler.ins import (
+    BodyVelocity,
+    CustomMeasurement,
+    ErrorStateFilter,
+    GroupNoise,
+    Handling,
+    Layout,
+    Measurement,
+    NonHolonomic,
+    Position,
+    ProcessNoise,
+    Velocity,
+    ZeroRate,
+    ZeroVelocity,
+    instrument_noise,
+    instrument_prior,
+)
+from schuler.navigation.aided_result import AidedNavigation, finished
+from schuler.navigation.motion_start import motion_start
+from schuler.navigation.navigator import Start
+from schuler.navigation.outages import Outages
+from schuler.record import ImuRecord
+from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
+
+__all__ = ["AidingOptions", "navigate_aided"]
+
+Array = NDArray[np.float64]
+
+WITHHELD = "withheld"
+"""Name of the fixes of outages: the filter predicts them and learns nothing from them."""
+
+_NO_WEIGHT = 1e7
+"""Sigma (m) of a fix that teaches nothing."""
+
+_GATE = 0.999999
+"""Quantile of chi-square that a fix may reach."""
+
+_VIBRATION = 0.03
+"""Velocity random walk of a strapdown unit on a road vehicle, m/s/sqrt(s), at least."""
+
+_PRIORS = {"lever": 1.0, "delay": 0.3, "mount": 10.0 * DEG, "scale": 0.02}
+"""1-sigma of what is estimated of an aid before anything is measured: m, s, rad, 1."""
+
+_COARSE = 30.0 * DEG_PER_HOUR
+"""A gyro with a larger bias is started from what it reads at rest: the Earth's rate is less."""
+
+#: what a record without a specification is taken for
+UNSPECIFIED = ImuSpec(
+    GyroSpec(bias=0.3 * DEG, angle_random_walk=2.0 * DEG / 60.0, rate_random_walk=2e-5),
+    AccelerometerSpec(bias=0.2, velocity_random_walk=_VIBRATION, acceleration_random_walk=5e-4),
+    name="a MEMS of consumer grade (assumed)",
+)
+
+
+@dataclass(frozen=True)
+class AidingOptions:
+    """What is used beside the fixes, and what is estimated.
+
+    Parameters
+    ----------
+    non_holonomic : bool
+        A wheeled vehicle moves neither sideways nor up.
+    constraint_sigma : float
+        Of that, m/s.
+    constraint_interval : float
+        Time between two such measurements, s: side slips are correlated.
+    constraint_lever : (3,) array_like
+        From the IMU to the rear axle's middle, body axes, m.
+    constraint_estimate : tuple of str
+        Of "mount" and "lever".
+    zero_velocity : bool
+        Use rest that the record shows: no velocity, and no rate but the Earth's.
+    scale : bool
+        Estimate scale factors of gyros and accelerometers.
+    scale_sigma : (float, float)
+        Their 1-sigma before, gyros and accelerometers, where the specification has none.
+    vibration : float
+        Velocity random walk on the vehicle, m/s/sqrt(s); the specification's where that is larger.
+    robust : {None, "huber", "igg3"}
+    smooth : bool
+        Smooth afterwards.
+    """
+
+    non_holonomic: bool = False
+    constraint_sigma: float = 0.1
+    constraint_interval: float = 0.25
+    constraint_lever: ArrayLike = (0.0, 0.0, 0.0)
+    constraint_estimate: tuple[str, ...] = ("mount",)
+    zero_velocity: bool = False
+    scale: bool = False
+    scale_sigma: tuple[float, float] = (0.01, 0.02)
+    vibration: float = _VIBRATION
+    robust: str | None = None
+    smooth: bool = False
+
+
+def navigate_aided(
+    record: ImuRecord,
+    gnss: GnssFixes,
+    *,
+    start: Start | None = None,
+    spec: ImuSpec | None = None,
+    speeds: Sequence[BodySpeed] = (),
+    aids: Sequence[CustomMeasurement] = (),
+    options: AidingOptions | None = None,
+    outages: Outages | None = None,
+) -> AidedNavigation:
+    """Navigate a record with the help of GNSS fixes and whatever else was measured.
+
+    Parameters
+    ----------
+    record : ImuRecord
+    gnss : GnssFixes
+        On the record's clock.
+    start : Start, optional
+        Attitude and velocity at the first fix within the record; found from rest and the first
+        motion when not given.
+    spec : ImuSpec, optional
+        The instrument; a MEMS of consumer grade when not given.
+    speeds : sequence of BodySpeed
+    aids : sequence of CustomMeasurement
+        A user's own.
+    options : AidingOptions, optional
+    outages : Outages, optional
+        Spans whose fixes are withheld, and scored.
+
+    Raises
+    ------
+    InputError
+        If fixes and record have no common span, or show no start.
+    """
+    options = options or AidingOptions()
+    record, gnss = _common(record, gnss)
+    rests = _rests(record, gnss)
+    instrument = spec or UNSPECIFIED
+    bias, bias_sigma = _bias_at_rest(record, rests, instrument)
+    begin = _begin(record, gnss, start, bias)
+    record = record.between(begin.time, None)
+    used, withheld = (gnss, None) if outages is None else outages.divide(gnss, record.start)
+    measured = _measurements(record, used, withheld, speeds, rests, options, bias)
+    layout = Layout([
+        "phi", "velocity", "position", "gyro_bias", "accelerometer_bias",
+        *(["gyro_scale", "accelerometer_scale"] if options.scale else []),
+        *dict.fromkeys(group for aid in measured for group in aid.groups),
+    ])  # fmt: skip
+    noise = _noise(layout, instrument, options)
+    covariance = np.diag(_prior(layout, instrument, options, begin, bias_sigma, measured) ** 2)
+    flt = ErrorStateFilter(
+        layout, begin.site, begin.quat_nb, covariance, noise, [*measured, *aids], v_n=begin.v_n,
+        parameters={"gyro_bias": bias}, smooth=options.smooth, step=0.1,
+    )  # fmt: skip
+    flt.update(record)
+    return finished(flt, record, gnss, used, withheld, measured, begin.quat_nb, instrument, outages)
+
+
+def _common(record: ImuRecord, gnss: GnssFixes) -> tuple[ImuRecord, GnssFixes]:
+    """Return the record from the first fix in it on, and the fixes within it."""
+    time = np.asarray(gnss.time)
+    inside = (time > record.start) & (time <= record.end)
+    if inside.sum() < 4:
+        off = float(time[0]) - record.start
+        likely = ""
+        for seconds, what in (
+            (86400.0, "seconds of the day beside those of the week"),
+            (604800.0, "weeks of GPS time"), (3600.0, "a time zone"), (18.0, "leap seconds"),
+        ):  # fmt: skip
+            turns = round(off / seconds)
+            if turns and abs(off - turns * seconds) < 0.2 * record.duration + 30.0:
+                likely = f"; the difference is near {turns} x {seconds:g} s: {what}?"
+                break
+        raise InputError(
+            f"{gnss.name}: fixes from t = {time[0]:.9g} to {time[-1]:.9g} s and a record from "
+            f"{record.start:.9g} to {record.end:.9g} s share fewer than four fixes{likely}"
+        )
+    return record, gnss.rows(inside)
+
+
+def _rests(record: ImuRecord, gnss: GnssFixes) -> Rests:
+    speed = gnss.speed
+    if speed is None:
+        return find_rest(record)
+    beyond = speed > np.maximum(3.0 * np.asarray(gnss.v_sigma)[:, :2].max(axis=1), 0.2)
+    return find_rest(record, moving=(np.asarray(gnss.time) - gnss.delay, beyond))
+
+
+def _bias_at_rest(record: ImuRecord, rests: Rests, spec: ImuSpec) -> tuple[Array, Array]:
+    """Return the gyro bias to start from, and its 1-sigma, rad/s."""
+    prior = np.full(3, max(spec.gyro.bias, 1e-9))
+    if spec.gyro.bias < _COARSE or not len(rests.spans):
+        return np.zeros(3), prior
+    early = rests.time <= rests.spans[0, 1] + 30.0
+    mean = rests.rate[early].mean(axis=0)
+    sigma = rests.rate_sigma / np.sqrt(early.sum())
+    # The Earth's rate is in it, and the bias is not that of the whole record.
+    return mean, np.minimum(prior, np.hypot(np.hypot(sigma, 20.0 * DEG_PER_HOUR), 0.05 * prior))
+
+
+@dataclass(frozen=True, eq=False)
+class _Begin:
+    time: float
+    site: Site
+    quat_nb: Array
+    v_n: Array
+    sigma: Array
+    v_sigma: Array
+    r_sigma: Array
+
+
+def _begin(record: ImuRecord, gnss: GnssFixes, start: Start | None, bias: Array) -> _Begin:
+    """Return where, how fast and how turned the vehicle was at the first fix."""
+    first = float(np.asarray(gnss.time)[0])
+    k = int(np.searchsorted(record.time, first - 1e-9))
+    first = float(record.time[k])
+    lat, lon, height = (float(np.asarray(x)[0]) for x in (gnss.lat, gnss.lon, gnss.height))
+    place = Site(lat / DEG, lon / DEG, height)
+    lever = float(np.linalg.norm(gnss.lever)) + (1.0 if "lever" in gnss.estimate else 0.0)
+    r_sigma = np.hypot(np.asarray(gnss.sigma)[0], 5.0 + lever)
+    v_n, v_sigma = np.zeros(3), np.full(3, 50.0)
+    if gnss.v_n is not None:
+        v_n = np.asarray(gnss.v_n)[0]
+        v_sigma = np.hypot(np.asarray(gnss.v_sigma)[0], 0.5 + 0.05 * float(np.linalg.norm(v_n)))
+    if start is None:
+        found = motion_start(record.between(first, None), gnss, bias)
+        sigma = np.maximum(2.0 * found.sigma, [1.5 * DEG, 1.5 * DEG, 3.0 * DEG])
+        return _Begin(first, place, found.quat_nb, v_n, sigma, v_sigma, r_sigma)
+    sigma = np.array([1.0, 1.0, 5.0]) * DEG
+    if start.covariance is not None:
+        sigma = np.sqrt(np.diag(np.asarray(start.covariance, np.float64))[:3])
+    quat = np.asarray(start.quat_nb, np.float64)
+    if gnss.v_n is None:
+        v_n = np.asarray(start.v_n, np.float64)
+    return _Begin(first, place, quat, v_n, sigma, v_sigma, r_sigma)
+
+
+def _measurements(
+    record: ImuRecord, used: GnssFixes, withheld: GnssFixes | None, speeds: Sequence[BodySpeed],
+    rests: Rests, options: AidingOptions, bias: Array,
+) -> list[Measurement]:  # fmt: skip
+    """Return the measurements of the filter."""
+    handling = Handling(gate=_GATE, robust=options.robust)
+    out: list[Measurement] = []
+    after = np.asarray(used.time) > record.start
+    used = used.rows(after)
+    place = np.column_stack([used.lat, used.lon, used.height])
+    # Position and velocity share the lever arm; a receiver filters its velocity, which is later.
+    common: dict[str, Any] = {
+        "lever": used.lever, "delay": used.delay, "estimate": used.estimate, "handling": handling,
+    }  # fmt: skip
+    shared = {"lever": used.name}
+    out.append(Position(used.time, place, used.sigma, name=used.name, **common))
+    if used.v_n is not None:
+        out.append(
+            Velocity(
+                used.time, used.v_n, used.v_sigma, name=f"{used.name}_velocity", shared=shared,
+                **common,
+            )
+        )  # fmt: skip
+    if withheld is not None:
+        place = np.column_stack([withheld.lat, withheld.lon, withheld.height])
+        out.append(
+            Position(
+                withheld.time, place, _NO_WEIGHT, name=WITHHELD, lever=used.lever,
+                delay=used.delay, estimate=used.estimate,
+                shared={"lever": used.name, "delay": used.name},
+            )
+        )  # fmt: skip
+    for speed in speeds:
+        value, sigma = speed.triples()
+        inside = (np.asarray(speed.time) > record.start) & (np.asarray(speed.time) <= record.end)
+        if not np.any(inside):
+            raise InputError(f"{speed.name}: no speed lies within the record")
+        mount = "xyz" if np.asarray(speed.value).ndim == 2 else "xz"
+        out.append(
+            BodyVelocity(
+                np.asarray(speed.time)[inside], value[inside], sigma[inside], name=speed.name,
+                lever=speed.lever, estimate=speed.estimate, mount_axes=mount, handling=handling,
+            )
+        )  # fmt: skip
+    if options.non_holonomic:
+        times = _constraint_times(record, options.constraint_interval, bias)
+        out.append(
+            NonHolonomic(
+                times, 0.0, 2.0 * options.constraint_sigma, name="non_holonomic",
+                lever=options.constraint_lever, estimate=options.constraint_estimate,
+                handling=Handling(gate=0.9999963, robust=options.robust),
+            )
+        )  # fmt: skip
+    if options.zero_velocity:
+        still = rests.time[rests.time > record.start + rests.window]
+        if len(still):
+            rate = rests.rate[-len(still) :]
+            out.append(ZeroVelocity(still, 0.0, 0.02, name="zero_velocity"))
+            sigma = np.maximum(rests.rate_sigma, 1e-9)
+            out.append(ZeroRate(still, rate, sigma, name="zero_rate"))
+    return out
+
+
+def _constraint_times(record: ImuRecord, interval: float, bias: Array) -> Array:
+    """Return when wheels surely roll: not while the vehicle turns fast."""
+    each = max(round(interval / float(np.median(record.dt))), 1)
+    count = len(record) // each
+    turn = (record.gyro[: count * each] - bias).reshape(count, each, 3).mean(axis=1)
+    slow = np.linalg.norm(turn, axis=1) < 20.0 * DEG
+    return np.asarray(record.time[each - 1 : count * each : each][slow])
+
+
+def _noise(layout: Layout, spec: ImuSpec, options: AidingOptions) -> ProcessNoise:
+    noise = instrument_noise(layout, spec)
+    white = max(spec.accelerometer.white, options.vibration)
+    noise["velocity"] = replace(noise["velocity"], walk=white**2)
+    for group, least in (("gyro_bias", 1e-7), ("accelerometer_bias", 1e-7)):
+        part = spec.gyro if group == "gyro_bias" else spec.accelerometer
+        # What is called bias instability wanders within minutes: a walk that reaches it in 300 s.
+        wander = part.bias_instability**2 / 300.0
+        walk = float(np.max(np.asarray(noise[group].walk))) + wander
+        noise[group] = GroupNoise(max(walk, (least * part.bias) ** 2), source=noise[group].source)
+    return ProcessNoise.of(layout, noise)
+
+
+def _prior(
+    layout: Layout, spec: ImuSpec, options: AidingOptions, begin: _Begin, bias_sigma: Array,
+    measured: Sequence[Measurement],
+) -> Array:  # fmt: skip
+    """Return 1-sigma of each state at the start."""
+    sigma: dict[str, Any] = {
+        "phi": begin.sigma, "velocity": begin.v_sigma, "position": begin.r_sigma,
+        **instrument_prior(layout, spec), "gyro_bias": bias_sigma,
+    }  # fmt: skip
+    if options.scale:
+        gyro, accel = spec.gyro.scale_factor, spec.accelerometer.scale_factor
+        sigma["gyro_scale"] = gyro or options.scale_sigma[0]
+        sigma["accelerometer_scale"] = accel or options.scale_sigma[1]
+    out = np.zeros(layout.size)
+    for group in layout:
+        part = group.rpartition(".")[2]
+        out[layout[group]] = sigma[group] if group in sigma else _PRIORS[part]
+    return out

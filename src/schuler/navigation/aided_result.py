@@ -1,0 +1,365 @@
+"""`AidedNavigation`: path, what was estimated, innovations, refused fixes and scores of outages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler._notebook import Shown
+from schuler.aiding import GnssFixes
+from schuler.attitude import multiply, quat_to_matrix, rotvec_to_quat
+from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G
+from schuler.earth import radii
+from schuler.ins import BodyVelocity, ErrorStateFilter, Measurement
+from schuler.kernels.states import ErrorStates
+from schuler.navigation.outages import Outages, OutageScore
+from schuler.record import ImuRecord
+from schuler.sensors import ImuSpec
+from schuler.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from schuler.ins import Smoothed
+
+__all__ = ["AidedNavigation", "finished"]
+
+Array = NDArray[np.float64]
+
+_REFUSED_SHARE, _RATIO = 0.3, 3.0
+"""Share of refused fixes, and mean squared normalised innovation over a minute, that contradict."""
+
+
+@dataclass(frozen=True, eq=False)
+class AidedNavigation(Shown):
+    """An aided navigation.
+
+    Parameters
+    ----------
+    path : Trajectory
+        At the epochs of the filter; smoothed where that was asked for.
+    forward : Trajectory
+        By the filter alone.
+    estimated : dict
+        Values and 1-sigma by kind, as in the JSON schema `schuler.navigation/3`.
+    used, refused : dict of str to int
+        Measurements by aid.
+    innovations : dict of str to tuple
+        Times (k,), innovations and their sigma (k, 3), weights (k,) by aid.
+    outages : dict or None
+        Scores forward and smoothed.
+    warnings, contradictions : tuple of str
+    gaps : tuple of (float, float)
+        Spans of more than five seconds without a fix that was used.
+    spec : ImuSpec
+    """
+
+    path: Trajectory
+    forward: Trajectory
+    estimated: dict[str, Any]
+    used: dict[str, int]
+    refused: dict[str, int]
+    innovations: dict[str, tuple[Array, Array, Array, Array]] = field(repr=False)
+    outages: dict[str, Any] | None
+    warnings: tuple[str, ...]
+    contradictions: tuple[str, ...]
+    gaps: tuple[tuple[float, float], ...]
+    spec: ImuSpec = field(repr=False)
+
+    @property
+    def consistent(self) -> bool:
+        """Whether nothing contradicts the result."""
+        return not self.contradictions
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what the JSON schema `schuler.navigation/3` has of an aided navigation."""
+        return {
+            "start": self.path.rows(slice(0, 1)).final, "final": self.path.final,
+            "sigma": self.path.sigma, "estimated": self.estimated, "used": self.used,
+            "refused": self.refused, "outages": self.outages, "consistent": self.consistent,
+            "contradictions": list(self.contradictions), "warnings": list(self.warnings),
+            "gaps": [list(gap) for gap in self.gaps],
+        }  # fmt: skip
+
+    def __str__(self) -> str:
+        t = self.path.time
+        first = f"INCONSISTENT: {'; '.join(self.contradictions)}; " if self.contradictions else ""
+        said = " + ".join(f"{n} {name}" for name, n in self.used.items())
+        lines = [f"{first}{t[-1] - t[0]:.6g} s by aided navigation ({said})", str(self.path)]
+        for aid, count in self.refused.items():
+            if count:
+                lines.append(f"refused   {count} of {aid}")
+        for name, value in self.estimated.items():
+            lines += _lines(name, value)
+        if self.outages is not None:
+            o = self.outages
+            for way in ("forward", "smoothed"):
+                if o[way] is not None:
+                    lines.append(
+                        f"outages   {o['count']} of {o['length_s']:g} s, {way}: worst error "
+                        f"{o[way]['rms_horizontal_m']:.3g} m rms horizontally (median "
+                        f"{o[way]['median_horizontal_m']:.3g} m), "
+                        f"{o[way]['rms_height_m']:.3g} m in height"
+                    )
+        return "\n".join(lines)
+
+
+def _lines(name: str, value: Any) -> list[str]:
+    """Say an estimate with its 1-sigma."""
+    plain = name.replace("_deg_h", " deg/h").replace("_deg", " deg").replace("_ug", " ug")
+    plain = plain.replace("_s", " s") if name.endswith("_s") else plain.replace("_m", " m")
+    plain = plain.replace("_", " ")
+    if isinstance(value, Mapping):
+        return [line for key, each in value.items() for line in _lines(f"{key} {name}", each)]
+    centre, sigma = value
+    if isinstance(centre, list):
+        told = ", ".join(f"{c:.4g} ± {s:.2g}" for c, s in zip(centre, sigma, strict=True))
+    else:
+        told = f"{centre:.4g} ± {sigma:.2g}"
+    return [f"estimated {plain}: {told}"]
+
+
+def finished(
+    flt: ErrorStateFilter, record: ImuRecord, gnss: GnssFixes, used: GnssFixes,
+    withheld: GnssFixes | None, measured: Sequence[Measurement], start: Array, spec: ImuSpec,
+    outages: Outages | None,
+) -> AidedNavigation:  # fmt: skip
+    """Return the result of a filter that has taken its record."""
+    history = flt.history()
+    forward = _path(
+        history.time, history.quat_nb, history.v_n, history.quat_ne, history.height,
+        _variances(flt, lambda name: history.sigma(name) ** 2), None, record.name,
+    )  # fmt: skip
+    path, smoothed = forward, None
+    if flt.smooths:
+        smoothed = flt.smoothed()
+        path = _smoothed_path(flt, smoothed, record.name)
+    innovations = {}
+    counts: dict[str, int] = {}
+    refused: dict[str, int] = {}
+    names = [aid.label if isinstance(aid, Measurement) else aid.name for aid in flt.aids]
+    for name in names:
+        each = flt.innovations(name)
+        innovations[name] = each
+        if name == "withheld":
+            continue
+        counts[name] = int(np.sum(each[3] > 0.0))
+        refused[name] = int(np.sum(each[3] == 0.0))
+    score = None
+    if withheld is not None and outages is not None:
+        score = _scores(outages, withheld, innovations["withheld"], flt, smoothed, path, record)
+    taken = innovations[used.name]
+    gaps = _gaps(taken[0][taken[3] > 0.0], record)
+    contradictions = [*gnss.contradictions(), *_contradictions(used, refused, counts, taken)]
+    warnings = _warnings(gnss, flt, gaps, outages)
+    return AidedNavigation(
+        path, forward, _estimates(flt, measured, smoothed), counts, refused, innovations, score,
+        tuple(warnings), tuple(contradictions), gaps, spec,
+    )  # fmt: skip
+
+
+def _east(quat_ne: Array) -> tuple[Array, Array, Array]:
+    """Return latitude, longitude, and the angle from east to the frame's x axis, rad."""
+    frame = quat_to_matrix(quat_ne)
+    up = frame[:, :, 2]
+    lat, lon = np.arctan2(up[:, 2], np.hypot(up[:, 0], up[:, 1])), np.arctan2(up[:, 1], up[:, 0])
+    east = np.column_stack([-np.sin(lon), np.cos(lon), np.zeros_like(lon)])
+    x, y = np.einsum("ia,ia->i", frame[:, :, 0], east), np.einsum("ia,ia->i", frame[:, :, 1], east)
+    return lat, lon, np.arctan2(y, x)
+
+
+def _turned(vector: Array, angle: Array) -> Array:
+    """Return vectors of the wander frame in East-North-Up."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.column_stack([
+        c * vector[:, 0] + s * vector[:, 1], -s * vector[:, 0] + c * vector[:, 1], vector[:, 2]
+    ])  # fmt: skip
+
+
+def _path(
+    time: Array, quat: Array, v: Array, quat_ne: Array, height: Array, variances: Array,
+    off: Array | None, name: str,
+) -> Trajectory:  # fmt: skip
+    """Return a trajectory of what a filter had in its wander frame, less an error of position."""
+    lat, lon, angle = _east(quat_ne)
+    turn = np.zeros((len(time), 3))
+    turn[:, 2] = -angle
+    quat_nb = multiply(rotvec_to_quat(turn), quat)
+    if off is not None:
+        east, north, up = _turned(off, angle).T
+        meridian, transverse = radii(lat)
+        lat = lat - north / (meridian + height)
+        lon = lon - east / ((transverse + height) * np.cos(lat))
+        height = height - up
+    lon = (lon + np.pi) % (2.0 * np.pi) - np.pi
+    covariance = np.diag(variances[-1])
+    return Trajectory(
+        time, lat, lon, height, _turned(v, angle), quat_nb, variances, covariance, name=name
+    )
+
+
+def _variances(flt: ErrorStateFilter, of: Any) -> Array:
+    """Return the variances of the error states (n, 15) that a trajectory has."""
+    out = ErrorStates.size
+    groups = ("phi", "velocity", "position", "gyro_bias", "accelerometer_bias")
+    table = np.column_stack([of(name) for name in groups])
+    assert table.shape[1] == out
+    return table
+
+
+def _smoothed_path(flt: ErrorStateFilter, smoothed: Smoothed, name: str) -> Trajectory:
+    history = smoothed.history
+    quat, v = smoothed.quat_nb[1:], smoothed.v_n[1:]
+    off = smoothed.error[1:, flt.layout["position"]]
+    variances = _variances(flt, lambda group: smoothed.sigma(group)[1:] ** 2)
+    return _path(history.time, quat, v, history.quat_ne, history.height, variances, off, name)
+
+
+def _scores(
+    outages: Outages, withheld: GnssFixes, taken: tuple[Array, Array, Array, Array],
+    flt: ErrorStateFilter, smoothed: Smoothed | None, path: Trajectory, record: ImuRecord,
+) -> dict[str, Any]:  # fmt: skip
+    spans = outages.spans(record.start, float(np.asarray(withheld.time)[-1]) + 1e-6)
+    forward = OutageScore.of(taken[0], taken[1], spans)
+    out: dict[str, Any] = {
+        "length_s": outages.length, "count": len(forward.horizontal), "forward": forward.to_dict(),
+        "smoothed": None,
+    }  # fmt: skip
+    if smoothed is None:
+        return out
+    k = np.searchsorted(path.time, taken[0] - 1e-9)
+    k = np.minimum(k, len(path) - 1)
+    index = np.searchsorted(np.asarray(withheld.time), taken[0] - 1e-9)
+    lat, lon, height = (np.asarray(x)[index] for x in (withheld.lat, withheld.lon, withheld.height))
+    meridian, transverse = radii(lat)
+    lever = np.asarray(withheld.lever, np.float64)
+    delay = withheld.delay
+    name = f"{withheld.name}.lever"
+    lever_now = np.broadcast_to(lever, (len(k), 3))
+    if name in flt.layout:
+        lever_now = _smoothed_values(flt, smoothed, name, lever)[k]
+    name = f"{withheld.name}.delay"
+    delay_now = np.full(len(k), delay)
+    if name in flt.layout:
+        delay_now = _smoothed_values(flt, smoothed, name, np.array([delay]))[k, 0]
+    assert path.v_n is not None
+    assert path.quat_nb is not None
+    antenna = np.einsum("iab,ib->ia", quat_to_matrix(path.quat_nb[k]), lever_now)
+    antenna -= path.v_n[k] * delay_now[:, None]
+    error = np.column_stack([
+        ((path.lon[k] - lon + np.pi) % (2.0 * np.pi) - np.pi) * (transverse + height) * np.cos(lat),
+        (path.lat[k] - lat) * (meridian + height), path.height[k] - height,
+    ]) + antenna  # fmt: skip
+    out["smoothed"] = OutageScore.of(taken[0], error, spans).to_dict()
+    return out
+
+
+def _smoothed_values(flt: ErrorStateFilter, smoothed: Smoothed, group: str, given: Array) -> Array:
+    """Return smoothed values of a group at each epoch; states are what is added to the given."""
+    sign = -1.0 if float(flt.layout.sign[flt.layout[group]][0]) < 0.0 else 1.0
+    found = smoothed.history[group] + sign * smoothed.error[1:, flt.layout[group]]
+    return np.asarray(given + found)
+
+
+def _gaps(times: Array, record: ImuRecord) -> tuple[tuple[float, float], ...]:
+    """Return spans of more than five seconds without a fix."""
+    edges = np.concatenate([[record.start], times, [record.end]])
+    long = np.flatnonzero(np.diff(edges) > 5.0)
+    return tuple((float(edges[k]), float(edges[k + 1])) for k in long)
+
+
+def _contradictions(
+    used: GnssFixes, refused: Mapping[str, int], counts: Mapping[str, int],
+    taken: tuple[Array, Array, Array, Array],
+) -> list[str]:  # fmt: skip
+    """Return what says that the filter and its fixes do not agree."""
+    out = []
+    total = counts[used.name] + refused[used.name]
+    if total and refused[used.name] > _REFUSED_SHARE * total:
+        out.append(
+            f"{refused[used.name]} of {total} fixes of {used.name} were refused: the record, its "
+            "axes and units, or the fixes' sigma are not what they are said to be"
+        )
+    time, z, sigma, weight = taken
+    good = weight > 0.0
+    if good.sum() > 20:
+        square = np.mean((z[good] / np.maximum(sigma[good], 1e-12)) ** 2, axis=1)
+        minute = np.floor((time[good] - time[0]) / 60.0).astype(int)
+        means = [square[minute == m].mean() for m in np.unique(minute) if np.sum(minute == m) > 20]
+        if means and max(means) > _RATIO:
+            m = int(np.argmax(means))
+            out.append(
+                f"the fixes of {used.name} differ from the prediction by "
+                f"{np.sqrt(max(means)):.2g} sigma rms in the minute after t = "
+                f"{time[0] + 60.0 * m:.6g} s: their sigma, the delay, the lever arm or the "
+                "instrument's noise are not what they are said to be"
+            )
+    return out
+
+
+def _warnings(
+    gnss: GnssFixes, flt: ErrorStateFilter, gaps: Sequence[tuple[float, float]],
+    outages: Outages | None,
+) -> list[str]:  # fmt: skip
+    out = []
+    if gnss.dropped:
+        said = ", ".join(f"{count} with {reason}" for reason, count in gnss.dropped.items())
+        out.append(f"rows of {gnss.name} were left out: {said}")
+    if flt.resets:
+        out.append(
+            f"{flt.resets} times the covariance was widened because fixes were refused for long"
+        )
+    if gaps and outages is None:
+        longest = max(end - begin for begin, end in gaps)
+        out.append(f"{len(gaps)} spans without a fix, the longest {longest:.4g} s")
+    return out
+
+
+def _estimates(
+    flt: ErrorStateFilter, measured: Sequence[Measurement], smoothed: Smoothed | None
+) -> dict[str, Any]:
+    """Return what was estimated with its 1-sigma: smoothed at the end equals the filter."""
+    sigma = np.sqrt(np.maximum(np.diag(flt.covariance), 0.0))
+    layout = flt.layout
+    out: dict[str, Any] = {}
+
+    def pair(group: str, given: Any = 0.0, unit: float = 1.0) -> list[Any]:
+        value = (np.asarray(given, np.float64) + flt.parameter(group)) / unit
+        spread = sigma[layout[group]] / unit
+        if len(value) == 1:
+            return [float(value[0]), float(spread[0])]
+        return [[float(v) for v in value], [float(s) for s in spread]]
+
+    for aid in measured:
+        for group, _ in aid.groups:
+            if not group.startswith(f"{aid.label}.") or aid.label == "withheld":
+                continue
+            part = group.rpartition(".")[2]
+            if part == "delay":
+                out.setdefault("delay_s", {})[aid.label] = pair(group, aid.delay)
+            elif part == "lever":
+                out.setdefault("lever_m", {})[aid.label] = pair(group, aid.lever)
+            elif part == "scale" and isinstance(aid, BodyVelocity):
+                out["odometer_scale"] = pair(group, aid.scale)
+            elif part == "mount" and isinstance(aid, BodyVelocity):
+                out.setdefault("mount_deg", {}).update(_mount(flt, aid, group, sigma))
+    out["gyro_bias_deg_h"] = pair("gyro_bias", 0.0, DEG_PER_HOUR)
+    out["accel_bias_ug"] = pair("accelerometer_bias", 0.0, MICRO_G)
+    for group, name in (("gyro_scale", "gyro_scale"), ("accelerometer_scale", "accel_scale")):
+        if group in layout:
+            out[name] = pair(group)
+    return out
+
+
+def _mount(
+    flt: ErrorStateFilter, aid: BodyVelocity, group: str, sigma: Array
+) -> dict[str, list[float]]:
+    """Return yaw and pitch of the mounting: how the vehicle's axes see the body's, deg."""
+    value, spread = flt.parameter(group), sigma[flt.layout[group]]
+    out = {}
+    for k, axis in enumerate(aid.mount_axes):
+        name = {"x": "pitch", "y": "roll", "z": "yaw"}[axis]
+        out[name] = [float(value[k]) / DEG, float(spread[k]) / DEG]
+    return out
