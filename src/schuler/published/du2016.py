@@ -100,4 +100,4 @@ def run(options: Options) -> Experiment:
         )  # fmt: skip
     if options.progress is not None:
         options.progress(1, 1)
-    return experiment(data, "du2016", 1, rows)
+    return experiment(data, "du2016", options, 1, rows)

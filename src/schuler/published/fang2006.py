@@ -108,4 +108,4 @@ def run(options: Options) -> Experiment:
                 f"{document[i] / bound[i]:.2f} and {best[i] / bound[i]:.2f} times the limit")
             for i, what in enumerate(("east", "north", "up"))
         ]  # fmt: skip
-    return experiment(case, "fang2006", runs, rows)
+    return experiment(case, "fang2006", options, runs, rows)

@@ -268,7 +268,7 @@ def run(options: Options) -> Experiment:
             whole[key] = value if key not in whole else np.concatenate([whole[key], value])
     rows = _table_rows(case, found)
     rows += _gate_rows(case, {k: np.concatenate([g[k] for g in gate]) for k in gate[0]})
-    return experiment(case, "guo2015", runs, rows)
+    return experiment(case, "guo2015", options, runs, rows)
 
 
 def _call(function: Any, *arguments: Any) -> Any:

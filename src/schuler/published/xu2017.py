@@ -109,7 +109,7 @@ def run(options: Options) -> Experiment:
             ("worst error of k1", "ug/g", "k1_ug_g"),
         ))
     ]  # fmt: skip
-    return experiment(case, "xu2017", runs, rows + _scheme_rows(case, plant))
+    return experiment(case, "xu2017", options, runs, rows + _scheme_rows(case, plant))
 
 
 def _scheme_rows(case: dict[str, Any], plant: Plant) -> list[Row]:
