@@ -217,7 +217,7 @@ _FIXED = ("title", "citation", "errata", "printed", "case", "runs", "optional")
 def changeable(name: str) -> dict[str, Any]:
     """Return the conditions of an experiment that can be changed, with their values.
 
-    A condition that the document leaves to others (a specification's other fields) is None.
+    A condition that nothing is said of (what the instrument's grade has) is None.
     """
     out: dict[str, Any] = {}
 
@@ -230,7 +230,7 @@ def changeable(name: str) -> dict[str, Any]:
 
     data = _read(name)
     walk({key: value for key, value in data.items() if key not in _FIXED}, "")
-    for key in data.get("optional", []):
+    for key in data.get("optional", {}):
         out.setdefault(key, None)
     return out
 
@@ -242,7 +242,7 @@ def _fits(value: Any, own: Any) -> bool:
     if isinstance(own, int | float):
         return isinstance(value, int | float) and np.isfinite(value)
     if isinstance(own, list):
-        return isinstance(value, list) and all(_fits(v, own[0]) for v in value) and bool(value)
+        return isinstance(value, list) and bool(value) and all(_fits(v, own[0]) for v in value)
     return isinstance(value, type(own))
 
 
@@ -267,8 +267,8 @@ def conditions(name: str, changes: Iterable[tuple[str, Any]] = ()) -> dict[str, 
             raise InputError(
                 f"{name} has no condition '{key}' that can be set; it has {', '.join(known)}"
             )
-        own = known[key]
-        if own is not None and not _fits(value, own):
+        own = known[key] if known[key] is not None else data["optional"][key]
+        if not _fits(value, own):
             raise InputError(f"{name}: {key} must be like {own!r}, got {value!r}")
         table = data
         *path, last = key.split(".")
@@ -366,6 +366,11 @@ def each_run(
         for k, future in enumerate(futures, 1):
             yield future.result()
             tell(k)
+
+
+def call(function: Callable[..., T], *arguments: Any) -> T:
+    """Call a function: a job of `each_run` where jobs have functions of their own."""
+    return function(*arguments)
 
 
 def misalignment(found: ArrayLike, true: ArrayLike) -> Array:
