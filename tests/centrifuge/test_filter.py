@@ -87,8 +87,9 @@ def test_feeding_in_pieces_gives_the_same_bits():
         x[45:] = 0.3
         cov = np.diag(np.r_[np.full(45, 1e-6), np.full(6, 1e-6)])
         for a, b in itertools.pairwise(cuts):
-            filter_position(x, off, cov, 4 * a, z[a:b], plant.harmonics(), plant.omega, plant.earth,
-                            0.005, 4, 9, 1e-10, 0.0, False, 0, tally)  # fmt: skip
+            filter_position(x, off, cov, 4 * a, z[a:b], 0, plant.gyro_axes, plant.turning,
+                            plant.harmonics(), plant.omega, plant.earth, 0.005, 4, 9, 1e-10, 0.0,
+                            False, 0, tally)  # fmt: skip
         results.append((x, cov))
     for first, second in zip(*results, strict=True):
         np.testing.assert_array_equal(first, second)
@@ -125,8 +126,8 @@ def test_two_levels_of_force_find_d_oo():
         (lambda: Ekf(passes=0), "once or more"),
         (lambda: Ekf(step=0.0), "step must be positive"),
         (lambda: Ekf(square_root=True, drift_noise=1.0), "takes no drift noise"),
-        (lambda: fit_platform(Plant(), [[0, 0, 0]], np.zeros((2, 5, 3))), "expected outputs"),
-        (lambda: fit_platform(Plant(), [[0, 0, 0]], np.full((1, 5, 3), np.nan)), "not finite"),
+        (lambda: fit_platform(Plant(), [[0, 0, 0]], np.zeros((2, 5, 3))), "expected outputs of 1"),
+        (lambda: fit_platform(Plant(), [[0, 0, 0]], np.full((1, 5, 3), np.nan)), "sample 1 of 5"),
         (lambda: fit_platform(Plant(), [[0, 0, 0]], np.zeros((1, 5, 3)), Ekf(step=0.003)),
          "whole number of steps"),
     ],

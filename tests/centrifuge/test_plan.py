@@ -6,21 +6,25 @@ import numpy as np
 import pytest
 
 from schuler.centrifuge import (
+    OBJECTIVES,
     AngleLimits,
     Objective,
     Plant,
     Problem,
+    compare_objectives,
     direct_information,
     evaluate_positions,
     explore,
     plan,
+    score,
 )
 from schuler.centrifuge.plan import run_round
 from schuler.errors import InputError
 from schuler.kernels.centrifuge import invert_information
 from schuler.kernels.scheme import exchange
 
-SMALL = Problem(limits=AngleLimits(alpha=(0, 120), gamma=(0, 120)))
+SUM_RHO = Objective("sum-rho")
+SMALL = Problem(objective=SUM_RHO, limits=AngleLimits(alpha=(0, 120), gamma=(0, 120)))
 
 
 def test_the_inverse_is_numpy_s(rng):
@@ -55,7 +59,7 @@ def test_exchange_finds_the_best_of_all_choices(rng):
 
 @pytest.mark.parametrize("seed", range(2))
 def test_two_rounds_find_a_scheme_three_times_better_than_print(seed):
-    found = plan(seed=seed, rounds=2, time_limit=60.0)
+    found = plan(Problem(objective=SUM_RHO), seed=seed, rounds=2, time_limit=60.0)
     assert found.published_objective == pytest.approx(123.6, rel=0.01)
     assert found.objective <= 40.0
     np.testing.assert_array_equal(found.positions, np.rint(found.positions))
@@ -86,9 +90,39 @@ def test_an_earlier_search_goes_on():
 
 
 def test_min_max_cuts_the_worst_sigma():
-    found = plan(Problem(objective=Objective("min-max")), rounds=1)
+    found = plan(rounds=1)
+    assert found.problem.objective.name == "min-max"
     assert found.objective <= 0.7 * found.published_objective
     assert found.worst_relative_sigma == pytest.approx(0.01 * found.objective, rel=1e-6)
+
+
+def test_the_scorecard_says_what_an_objective_costs_elsewhere():
+    """The published objective alone leaves the worst sigma as bad as print."""
+    narrow = AngleLimits(alpha=(0, 60), gamma=(0, 90))
+    found = plan(Problem(objective=SUM_RHO, limits=narrow), rounds=1)
+    card = found.scorecard
+    assert card.plan["sum-rho"] == found.objective
+    assert card.published["min-max"] == pytest.approx(1.947, rel=0.01)
+    assert card.best == {}
+    told = []
+    card = compare_objectives(found, progress=told.append).scorecard
+    assert told == ["a", "d", "e", "min-max"]
+    assert all(card.best[name] <= card.plan[name] for name in OBJECTIVES)
+    assert card.best["min-max"] < 0.8 * card.plan["min-max"]
+    assert card.best["time"] < card.plan["time"]
+    assert card.headline.startswith("optimised: sum of |correlation|")
+    assert "short of the best found in" in card.headline
+    assert "largest sigma / wanted" in card.headline
+    assert str(card).count("\n") == 6
+    table = found.to_pandas()
+    assert table.loc["sum-rho", "plan"] == found.objective
+    assert np.isnan(table.loc["a", "best"])
+
+
+def test_a_scheme_that_shows_too_little_has_no_score():
+    values = score(Plant(), [[1, 0, 2]], 2.0)
+    assert set(values) == set(OBJECTIVES)
+    assert all(v == np.inf for v in values.values())
 
 
 @pytest.mark.slow
@@ -96,10 +130,12 @@ def test_min_max_cuts_the_worst_sigma():
 def test_the_other_searches_do_better_than_print(method):
     if method == "ga":
         pytest.importorskip("pymoo")
-    value, positions, spent = run_round(Problem(method=method), 0, 1)
+    value, positions, spent = run_round(Problem(objective=SUM_RHO, method=method), 0, 1)
     assert value < 60.0
     assert spent > 1000
-    assert evaluate_positions(Problem(), positions[None])[0] == pytest.approx(value)
+    assert evaluate_positions(Problem(objective=SUM_RHO), positions[None])[0] == pytest.approx(
+        value
+    )
 
 
 def test_limits_hold_and_more_positions_are_explored(rng):

@@ -30,16 +30,20 @@ def cli():
 
 
 def test_plan_gives_its_json(cli, tmp_path):
-    code, _, out = cli("plan", "centrifuge", "--rounds", 1, "--seed", 1, "--json", "-")
+    narrow = ("plan", "centrifuge", "--rounds", 1, "--seed", 1, "--alpha", "0,60", "--gamma",
+              "0,90", "--json", "-")  # fmt: skip
+    code, _, out = cli(*narrow)
     assert code == 0
     data = json.loads(out)
     schema("plan").validate(data)
     assert data["objective"] < data["published_objective"]
+    assert data["objective_name"] == "min-max"
+    assert all(row["best"] <= row["plan"] for row in data["objectives"])
     assert len(data["positions"]) == 6
     (tmp_path / "p.json").write_text(out, encoding="utf-8")
-    code, _, out = cli("plan", "centrifuge", "--rounds", 1, "--seed", 1, "--resume",
-                       tmp_path / "p.json", "--json", "-")  # fmt: skip
+    code, _, out = cli(*narrow, "--resume", tmp_path / "p.json", "--compare", 0)
     again = json.loads(out)
+    assert all(row["best"] is None for row in again["objectives"])
     assert again["rounds"] == 2
     assert again["objective"] <= data["objective"]
 
@@ -48,10 +52,12 @@ def test_plan_draws_the_trade(cli, tmp_path):
     pytest.importorskip("plotly")
     code, text, _ = cli(
         "plan", "centrifuge", "--positions", "4-5", "--total", "40s", "--rounds", 1, "--alpha",
-        "0,150", "--gamma", "0,150", "--report", tmp_path / "p.html", "--json", tmp_path / "p.json",
+        "0,90", "--gamma", "0,90", "--report", tmp_path / "p.html", "--json", tmp_path / "p.json",
     )  # fmt: skip
     assert code == 0
     assert "positions" in text
+    assert "optimised: largest sigma / wanted" in text
+    assert "best found" in text
     assert "The trade" in (tmp_path / "p.html").read_text(encoding="utf-8")
     for each in json.loads((tmp_path / "p.json").read_text(encoding="utf-8"))["plans"]:
         schema("plan").validate(each)
@@ -92,7 +98,7 @@ def test_centrifuge_prints_the_table_and_its_json(cli, tmp_path):
     code, text, _ = cli("calibrate", "centrifuge", "--simulate", 1, "--dwell", "10s", "--json",
                         tmp_path / "c.json", "--report", tmp_path / "c.html")  # fmt: skip
     assert code == 0
-    assert text.count("\n") == 47 + len(("wrote c.json", "wrote c.html"))
+    assert text.count("\n") == 48 + len(("wrote c.json", "wrote c.html"))
     data = json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))
     schema("calibrate-centrifuge").validate(data)
     for row in data["rows"]:
@@ -100,6 +106,48 @@ def test_centrifuge_prints_the_table_and_its_json(cli, tmp_path):
     page = (tmp_path / "c.html").read_text(encoding="utf-8")
     assert "Weakest combinations" in page
     assert cli("calibrate", "centrifuge", "--positions", "a,b")[0] == 2
+
+
+def test_a_simulated_centrifuge_test_is_identified_from_its_file(cli, tmp_path):
+    test = tmp_path / "test.toml"
+    test.write_text(
+        'seed = 3\n[plant]\norder = "yzx"\nd_oo = true\ncommanded = [30, -20, 10]\n[scheme]\n'
+        "dwell = 4\npositions = [[45,0,167],[350,0,325],[209,0,182],[134,0,141],[106,0,338],"
+        "[142,0,269],[45,0,167],[350,0,325],[209,0,182],[134,0,141],[106,0,338],[142,0,269]]\n"
+        "forces = [10,10,10,10,10,10,5,5,5,5,5,5]\n",
+        encoding="utf-8",
+    )
+    code, text, out = cli("simulate", test, "--out", tmp_path / "o.csv", "--json", "-")
+    assert code == 0, text
+    schema("centrifuge-simulation").validate(json.loads(out))
+    code, text, out = cli("calibrate", "centrifuge", tmp_path / "o.csv", "--json", "-")
+    assert code == 0, text
+    data = json.loads(out)
+    schema("calibrate-centrifuge").validate(data)
+    assert len(data["rows"]) == 48
+    assert 0.4 < data["nees_per_coefficient"] < 1.8
+    assert data["gimbal_order"] == "yzx"
+    # Another plant than the one that was simulated does not fit.
+    (tmp_path / "plain.toml").write_text('order = "zyx"\nd_oo = true\n', encoding="utf-8")
+    code, text, _ = cli("calibrate", "centrifuge", tmp_path / "o.csv", "--plant",
+                        tmp_path / "plain.toml")  # fmt: skip
+    assert code == 2
+    assert "diverged at position" in text
+    (tmp_path / "plain.toml").write_text(
+        'order = "yzx"\nd_oo = true\nnoise = 2.0\ncommanded = [30, -20, 10]\n', encoding="utf-8"
+    )
+    code, text, out = cli("calibrate", "centrifuge", tmp_path / "o.csv", "--json", "-", "--plant",
+                          tmp_path / "plain.toml")  # fmt: skip
+    assert code == 3
+    assert json.loads(out)["mean_squared_innovation"] > 10.0
+    for words, said in (
+        (["--positions", "1,0,2"], "has 12 position"), (["--simulate", 1], "of its own"),
+        (["--scheme", test, "--positions", "1,0,2"], "say one"), (["--accel", "s"], "--accel"),
+    ):  # fmt: skip
+        code, text, _ = cli("calibrate", "centrifuge", tmp_path / "o.csv", *words)
+        assert code == 2
+        assert said in text
+    assert cli("simulate", test, "--truth", tmp_path / "t.parquet")[0] == 2
 
 
 @pytest.mark.realdata

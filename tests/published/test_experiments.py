@@ -317,9 +317,18 @@ def test_the_centrifuge_with_few_runs():
     assert worst.printed == 2.67
     assert worst.best < worst.document_method
     assert worst.best < 2.5 * worst.limit
-    scheme = found.row("sum of |correlation| of the scheme")
-    assert scheme.document_method == pytest.approx(133.3, abs=0.1)
-    assert scheme.best < 100.0
+    for order, known, least in (("y, z, x", 142.1, 100.0), ("z, y, x", 133.3, 60.0)):
+        scheme = found.row(f"sum of |correlation| of the scheme, order {order}")
+        assert scheme.document_method == pytest.approx(known, abs=0.2)
+        assert scheme.best < least
+    table = [
+        row for row in found.rows if row.quantity.startswith("error of ") and "true" in row.note
+    ]
+    assert len(table) == 45
+    worst_of_gyros = found.row("error of D_IOy")
+    assert worst_of_gyros.printed == pytest.approx(0.0012)
+    assert found.row("error of k1z").printed == pytest.approx(1.31)
+    assert sum(row.best < 3.0 * row.limit for row in table) >= 43
 
 
 def test_an_experiment_s_figures_do_not_depend_on_the_workers():

@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
+from schuler.centrifuge.files import (
+    CentrifugeScheme,
+    plant_from_toml,
+    read_outputs,
+    scheme_from_toml,
+    write_outputs,
+)
 from schuler.centrifuge.filter import Ekf, PlatformFit, fit_platform, simulate_platform
 from schuler.centrifuge.objective import (
     OBJECTIVES,
@@ -10,7 +17,15 @@ from schuler.centrifuge.objective import (
     judge,
     time_to_reach,
 )
-from schuler.centrifuge.plan import AngleLimits, Plan, Problem, evaluate_positions, explore, plan
+from schuler.centrifuge.plan import (
+    AngleLimits,
+    Plan,
+    Problem,
+    compare_objectives,
+    evaluate_positions,
+    explore,
+    plan,
+)
 from schuler.centrifuge.plant import (
     PUBLISHED_ESTIMATES,
     PUBLISHED_POSITIONS,
@@ -22,6 +37,8 @@ from schuler.centrifuge.plant import (
     published_truth,
     scheme_information,
 )
+from schuler.centrifuge.result import CentrifugeTest, identify
+from schuler.centrifuge.scorecard import Scorecard, score
 
 __all__ = [
     "OBJECTIVES",
@@ -29,6 +46,8 @@ __all__ = [
     "PUBLISHED_POSITIONS",
     "PUBLISHED_TRUTH",
     "AngleLimits",
+    "CentrifugeScheme",
+    "CentrifugeTest",
     "Ekf",
     "Judgement",
     "Objective",
@@ -36,16 +55,24 @@ __all__ = [
     "Plant",
     "PlatformFit",
     "Problem",
+    "Scorecard",
     "coefficient_names",
     "coefficient_units",
+    "compare_objectives",
     "direct_information",
     "evaluate_positions",
     "explore",
     "fit_platform",
+    "identify",
     "judge",
     "plan",
+    "plant_from_toml",
     "published_truth",
+    "read_outputs",
+    "scheme_from_toml",
     "scheme_information",
+    "score",
     "simulate_platform",
     "time_to_reach",
+    "write_outputs",
 ]

@@ -134,19 +134,21 @@ def simulate_platform(
     forces : sequence of float, optional
         Level of force at each position, g.
     """
-    from schuler.kernels.centrifuge import _FIRST, _SECOND, _SIGN, _TERM, platform_matrix
+    from schuler.kernels.centrifuge import platform_matrix
 
     nominal = _angles(positions)
     count = len(nominal)
     angles = nominal + plant.attitude_prior * rng.standard_normal((runs, count, 3))
-    c = np.array([platform_matrix(*row) for row in angles.reshape(-1, 3)])
+    c = np.array(
+        [platform_matrix(a, b, g, plant.order_number) for a, b, g in angles.reshape(-1, 3)]
+    )
     c = c.reshape(runs, count, 3, 3)
     levels = [plant.force] * count if forces is None else list(forces)
     swing = np.array([plant.harmonics(level) for level in levels])
     gyro = truth[: 3 * plant.terms].reshape(-1, 3)
     k0, k1, k2, k3, kp = truth[3 * plant.terms : -3].reshape(5, 3)
     th_py, th_pz, th_oz = truth[-3:]
-    earth = plant.earth
+    earth, axes, turning = plant.earth, plant.gyro_axes, plant.turning
 
     def base_force(t: float) -> Array:
         angle = plant.omega * t
@@ -155,12 +157,12 @@ def simulate_platform(
 
     def slope(t: float, m: Array) -> Array:
         f = np.einsum("rpij,pj->rpi", m, base_force(t))
-        one = np.concatenate([np.ones((*f.shape[:2], 1)), f], axis=2)
-        mono = np.concatenate([one[..., :1], one[..., _FIRST] * one[..., _SECOND]], axis=2)
-        drift = m @ earth
+        drift = m @ earth + turning
         for j in range(3):
-            terms = plant.terms
-            drift[..., j] += mono[..., _TERM[j, :terms]] @ (_SIGN[j, :terms] * gyro[:, j])
+            i, o, s = np.moveaxis(f @ axes[j].T, -1, 0)
+            terms = (np.ones_like(i), i, o, s, i * i, s * s, i * o, i * s, o * s, o * o)
+            own = sum(d * term for d, term in zip(gyro[:, j], terms, strict=False))
+            drift = drift + own[..., None] * axes[j, 0]
         return np.asarray(np.cross(drift[..., None, :], np.swapaxes(m, 2, 3)).swapaxes(2, 3))
 
     h = 1.0 / plant.sampling
@@ -177,14 +179,15 @@ def simulate_platform(
         own = f.copy()
         own[..., 1] += th_py * f[..., 0]
         own[..., 2] += th_pz * f[..., 0] + th_oz * f[..., 1]
-        other = np.stack([f[..., 1], -f[..., 2], f[..., 1]], axis=-1)
+        other = np.stack([f[..., 1], -f[..., 2], f[..., 1] - th_oz * f[..., 2]], axis=-1)
         out[:, :, k] = k0 + (1 + k1) * own + k2 * own**2 + k3 * own**3 + kp * own * other
     return out + 1e-6 * plant.noise * rng.standard_normal(out.shape)
 
 
 def fit_platform(
-    plant: Plant, positions: ArrayLike, outputs: Array, method: Ekf | None = None,
-    forces: Sequence[float] | None = None,
+    plant: Plant, positions: ArrayLike, outputs: Sequence[Array] | Array,
+    method: Ekf | None = None, forces: Sequence[float] | None = None,
+    first: Sequence[float] | None = None,
 ) -> PlatformFit:  # fmt: skip
     """Find the coefficients from a test's outputs; they start at zero.
 
@@ -193,11 +196,14 @@ def fit_platform(
     plant : Plant
     positions : (p, 3) array_like
         Nominal alpha, beta, gamma, deg.
-    outputs : (p, m, 3) float64
+    outputs : (p, m, 3) array_like, or p arrays (m, 3)
         Accelerometer outputs at each position, g.
     method : Ekf
     forces : sequence of float, optional
         Level of force at each position, g.
+    first : sequence of float, optional
+        Time of the first output of each position since the arm stood along the base's x, s; one
+        sample where left out.
 
     Raises
     ------
@@ -209,16 +215,28 @@ def fit_platform(
 
     method = method or Ekf()
     nominal = _angles(positions)
-    outputs = np.ascontiguousarray(outputs, dtype=np.float64)
-    if outputs.ndim != 3 or outputs.shape[0] != len(nominal) or outputs.shape[2] != 3:
+    rows = [np.ascontiguousarray(one, dtype=np.float64) for one in outputs]
+    if len(rows) != len(nominal) or any(one.ndim != 2 or one.shape[1] != 3 for one in rows):
         raise InputError(
-            f"expected outputs of shape ({len(nominal)}, samples, 3), got {outputs.shape}"
+            f"expected outputs of {len(nominal)} positions, (samples, 3) each, got "
+            f"{', '.join(str(one.shape) for one in rows) or 'none'}"
         )
-    if not np.isfinite(outputs).all():
-        raise InputError("the accelerometer outputs hold values that are not finite numbers")
+    for k, one in enumerate(rows, 1):
+        bad = np.flatnonzero(~np.isfinite(one).all(axis=1))
+        if bad.size:
+            raise InputError(
+                f"the accelerometer outputs of position {k} are not finite numbers at sample "
+                f"{bad[0] + 1} of {len(one)}"
+            )
+    if forces is not None and (len(forces) != len(nominal) or not all(f > 0 for f in forces)):
+        raise InputError(
+            f"forces: expected {len(nominal)} positive numbers of g, got {list(forces)}"
+        )
+    levels = [plant.harmonics(force) for force in forces or [plant.force] * len(nominal)]
     every = round(1.0 / (plant.sampling * method.step))
     if every < 1 or abs(every * method.step * plant.sampling - 1.0) > 1e-9:
         raise InputError(f"an output sample must be a whole number of steps of {method.step:g} s")
+    begun = _first_steps(plant, first, len(nominal), method.step, every)
     n = plant.unknowns
     sigma = prior_sigma(plant)
     state = np.zeros(n + 6)
@@ -236,15 +254,16 @@ def fit_platform(
         state_start = np.zeros_like(nominal)
         for k, row in enumerate(nominal):
             state[n : n + 3] = state[n + 3 :] = start[k]
-            back = _turn_per_angle(start[k])
+            back = _turn_per_angle(start[k], plant.order)
             off[n : n + 3] = off[n + 3 :] = -back @ (row - start[k])
             held = _at_new_position(held, plant.attitude_prior * back, method.square_root)
             filter_position(
-                state, off, held, 0, outputs[k],
-                plant.harmonics(None if forces is None else forces[k]), plant.omega, plant.earth,
-                method.step, every, plant.terms, (1e-6 * plant.noise) ** 2, walk, lap > 0,
+                state, off, held, begun[k], rows[k], plant.order_number, plant.gyro_axes,
+                plant.turning, levels[k], plant.omega, plant.earth, method.step, every,
+                plant.terms, (1e-6 * plant.noise) ** 2, walk, lap > 0,
                 int(method.square_root), tally,
             )  # fmt: skip
+            _refuse_divergence(state, held, k, method.square_root)
             state_start[k] = state[n + 3 :]
             seen.append(_start_given(held, state + off, off[n + 3 :], method.square_root))
         state[:n] += off[:n]
@@ -252,7 +271,7 @@ def fit_platform(
             # What later positions told of the coefficients tells of this one's start as well.
             turned = turned + gain @ (state[:n] - then)
             base = state_start[k] if lap == 0 else start[k]
-            start[k] = base - np.linalg.solve(_turn_per_angle(base), turned)
+            start[k] = base - np.linalg.solve(_turn_per_angle(base, plant.order), turned)
     held = held[:n]
     cov = held @ held.T if method.square_root else 0.5 * (held[:, :n] + held[:, :n].T)
     units, factor = coefficient_units(plant.d_oo)
@@ -262,10 +281,70 @@ def fit_platform(
     )  # fmt: skip
 
 
-def _turn_per_angle(angles: Array) -> Array:
-    """Return T^-1 (eq. 14): how p turns with its angles."""
+def _refuse_divergence(state: Array, held: Array, position: int, square_root: bool) -> None:
+    sound = np.isfinite(state).all() and np.isfinite(held).all()
+    if not sound or not (square_root or (np.diag(held) > 0.0).all()):
+        raise InputError(
+            f"the filter diverged at position {position + 1}: the outputs are not of this plant "
+            "and scheme; look at the positions and their order, the gimbals' order, the unit, and "
+            "the arm's angle at the first sample"
+        )
+
+
+def _first_steps(
+    plant: Plant, first: Sequence[float] | None, count: int, step: float, every: int
+) -> list[int]:
+    """Return the steps since the arm's zero that lie before each position's first sample."""
+    if first is None:
+        return [0] * count
+    begun = [round(t / step) - every for t in first]
+    off = [abs((b + every) * step - t) for b, t in zip(begun, first, strict=True)]
+    if len(begun) != count or max(off) > 0.1 * step:
+        raise InputError(
+            f"the first output of each of {count} positions must stand a whole number of steps of "
+            f"{step:g} s after the arm's zero, got {[float(t) for t in first]}"
+        )
+    return begun
+
+
+def filter_information(
+    plant: Plant, positions: ArrayLike, dwell: float, forces: Sequence[float] | None = None
+) -> Array:
+    """Return the information (n, n) of a scheme by the filter's covariance, linearised about zero.
+
+    Takes what `schuler.centrifuge.direct_information` does not: commanded rate, servo error,
+    mounting angles of the gyros.
+    """
+    from schuler.kernels.platform import filter_position
+
+    nominal, n, method = _angles(positions), plant.unknowns, Ekf()
+    samples = plant.turns(dwell) * round(plant.sampling * plant.period)
+    every = round(1.0 / (plant.sampling * method.step))
+    sigma = prior_sigma(plant)
+    held = np.diag(np.concatenate([sigma, np.zeros(6)]) ** 2)
+    state, off = np.zeros(n + 6), np.zeros(n + 6)
+    for k, row in enumerate(nominal):
+        state[n : n + 3] = state[n + 3 :] = row
+        held = _at_new_position(
+            held, plant.attitude_prior * _turn_per_angle(row, plant.order), False
+        )
+        filter_position(
+            state, off, held, 0, np.zeros((samples, 3)), plant.order_number, plant.gyro_axes,
+            plant.turning, plant.harmonics(None if forces is None else forces[k]), plant.omega,
+            plant.earth, method.step, every, plant.terms, (1e-6 * plant.noise) ** 2, 0.0, True, 0,
+            np.zeros(2),
+        )  # fmt: skip
+    scaled = held[:n, :n] / np.outer(sigma, sigma)
+    inner = np.linalg.inv(0.5 * (scaled + scaled.T)) - np.eye(n)
+    return np.asarray(inner / np.outer(sigma, sigma))
+
+
+def _turn_per_angle(angles: Array, order: str) -> Array:
+    """Return T^-1 (eq. 14 for z, y, x): how p turns with its angles."""
     sb, cb = np.sin(angles[1]), np.cos(angles[1])
     sg, cg = np.sin(angles[2]), np.cos(angles[2])
+    if order == "yzx":
+        return np.array([[cb * cg, -sg, 0.0], [-sb, 0.0, 1.0], [cb * sg, cg, 0.0]])
     return np.array([[cb * cg, sg, 0.0], [-cb * sg, cg, 0.0], [sb, 0.0, 1.0]])
 
 

@@ -56,7 +56,7 @@ class Objective:
         where empty. Sum-rho does not depend on it.
     """
 
-    name: str = "sum-rho"
+    name: str = "min-max"
     wanted: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:

@@ -15,23 +15,28 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler._notebook import Shown
-from schuler.centrifuge.objective import Objective, judge, time_to_reach
+from schuler.centrifuge.objective import OBJECTIVES, Objective, judge
 from schuler.centrifuge.plant import PUBLISHED_POSITIONS, Plant, Tables, position_matrices
+from schuler.centrifuge.scorecard import Scorecard, score
 from schuler.constants import DEG
 from schuler.errors import InputError, SchulerError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = [
     "SEARCHES",
     "AngleLimits",
     "Plan",
     "Problem",
+    "compare_objectives",
     "evaluate_positions",
     "explore",
     "plan",
@@ -122,6 +127,11 @@ class Problem:
             raise InputError(f"unknown method '{self.method}'; known: {', '.join(SEARCHES)}")
         if self.plant.d_oo:
             raise InputError("D_OO needs several levels of force, which a plan does not vary")
+        if not self.plant.is_still:
+            raise InputError(
+                "a plan is for a platform that keeps its attitude: leave out the commanded rate, "
+                "the servo error and the gyros' mounting angles"
+            )
         self.plant.turns(self.dwell)
         self.objective.scale(self.plant)
 
@@ -141,6 +151,8 @@ class Plan(Shown):
         The same of the published six positions at the same dwell.
     worst_relative_sigma : float
         Largest sigma over the published coefficient, as a fraction.
+    scorecard : Scorecard
+        The scheme by every objective, beside the published one and the best found for each.
     evaluations, rounds : int
     seconds : float
     history : list of (seconds, evaluations, best so far)
@@ -151,6 +163,7 @@ class Plan(Shown):
     positions: Array
     published_objective: float
     worst_relative_sigma: float
+    scorecard: Scorecard
     evaluations: int
     rounds: int
     seconds: float
@@ -171,10 +184,17 @@ class Plan(Shown):
             "positions": [[float(v) for v in row] for row in self.positions],
             "dwell_s": self.problem.dwell,
             "worst_relative_sigma": self.worst_relative_sigma,
+            "objectives": self.scorecard.rows(),
             "evaluations": self.evaluations,
             "rounds": self.rounds,
             "seconds": self.seconds,
         }
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return the scheme by every objective as a table."""
+        import pandas as pd
+
+        return pd.DataFrame(self.scorecard.rows()).set_index("name").astype(float)
 
 
 def evaluate_positions(problem: Problem, schemes: Array) -> Array:
@@ -189,8 +209,9 @@ def _evaluate(problem: Problem, tables: Tables, schemes: Array, kernel: Any) -> 
     out = np.empty(len(schemes))
     nodes, blend, root, omega = tables.arrays
     kernel(
-        np.ascontiguousarray(schemes * DEG), nodes, blend, root, omega, problem.plant.terms,
-        tables.prior, problem.objective.scale(problem.plant), problem.objective.kind, out,
+        np.ascontiguousarray(schemes * DEG), problem.plant.order_number, nodes, blend, root, omega,
+        problem.plant.terms, tables.prior, problem.objective.scale(problem.plant),
+        problem.objective.kind, out,
     )  # fmt: skip
     return out
 
@@ -428,18 +449,18 @@ def _finish(
     positions = positions[np.lexsort(positions.T[::-1])]
     printed = np.array(PUBLISHED_POSITIONS, dtype=np.float64)
     name = problem.objective.name
-
-    def value(scheme: Array) -> float:
-        if name == "time":
-            return time_to_reach(problem.plant, scheme, problem.objective)
-        return float(evaluate_positions(problem, scheme[None])[0])
-
+    card = Scorecard(
+        name,
+        score(problem.plant, positions, problem.dwell, problem.objective),
+        score(problem.plant, printed, problem.dwell, problem.objective),
+    )
     own = judge(problem.plant, positions, problem.dwell)
     return Plan(
         problem=problem,
-        objective=value(positions),
+        objective=card.plan[name],
         positions=positions,
-        published_objective=value(printed),
+        published_objective=card.published[name],
+        scorecard=card,
         worst_relative_sigma=0.01 * float(own.relative.max()),
         evaluations=spent,
         rounds=rounds,
@@ -448,8 +469,49 @@ def _finish(
     )
 
 
+def compare_objectives(
+    found: Plan, *, rounds: int = 1, seed: int = 0, workers: int = 2,
+    executor: Executor | None = None, progress: Callable[[str], None] | None = None,
+) -> Plan:  # fmt: skip
+    """Return a plan with the best that a search finds for each objective, of as many positions.
+
+    Parameters
+    ----------
+    found : Plan
+    rounds : int
+        Of the search for each of the other objectives.
+    seed, workers, executor
+        As `plan` takes them.
+    progress : callable, optional
+        Told the name of each objective before its search.
+    """
+    problem, card = found.problem, found.scorecard
+    schemes = [found.positions]
+    for name in OBJECTIVES:
+        # The least time is that of the least largest sigma.
+        if name in (card.optimised, "time") or {name, card.optimised} == {"min-max", "time"}:
+            continue
+        if progress is not None:
+            progress(name)
+        other = replace(problem, objective=replace(problem.objective, name=name))
+        schemes.append(
+            plan(
+                other, seed=seed, rounds=rounds, time_limit=1e9, workers=workers, executor=executor
+            ).positions
+        )
+    values = [card.plan, card.published] if problem.positions == 6 else [card.plan]
+    values += [score(problem.plant, each, problem.dwell, problem.objective) for each in schemes[1:]]
+    best = {name: min(each[name] for each in values) for name in OBJECTIVES}
+    return replace(found, scorecard=replace(card, best=best))
+
+
 def explore(
-    problem: Problem, counts: range, *, total: float | None = None, **options: Any
+    problem: Problem,
+    counts: range,
+    *,
+    total: float | None = None,
+    progress: Callable[[int, float, float, int], None] | None = None,
+    **options: Any,
 ) -> list[Plan]:
     """Plan with several numbers of positions, to see the trade.
 
@@ -460,13 +522,17 @@ def explore(
         Numbers of positions.
     total : float, optional
         Time in all, s, shared by the positions in whole turns; the problem's dwell where left out.
+    progress : callable, optional
+        Told the number of positions, then seconds, best value and evaluations after each round.
     **options
         As `plan` takes them; the time limit is for each number.
     """
-    from dataclasses import replace
+    from functools import partial
 
     out = []
     for count in counts:
+        if progress is not None:
+            options["progress"] = partial(progress, count)
         dwell = problem.dwell
         if total is not None:
             dwell = max(1, int(total / count / problem.plant.period)) * problem.plant.period

@@ -1,8 +1,9 @@
 """A stabilised platform on a counter-rotating centrifuge: plant, unknowns, and what a test tells.
 
 Source: Xu and Zhang (2017), Journal of National University of Defense Technology 39(1), 46-50.
-Its force in the base frame (eq. 10) is used with the printed sign of gravity; `Plant.up` turns it
-round. Its text prints two orders of rotation: eq. 14 holds for z, y, x only, which is used.
+Its force in the base frame (eq. 10) prints gravity's part downwards beside a centripetal force
+inwards; `Plant.printed_gravity` takes it so. Its text prints two orders of the gimbals: eq. 7 and
+the kinematics of eq. 15 are y, z, x; eq. 14 holds for z, y, x. Both are options.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from schuler.constants import ARCSEC, DEG, DEG_PER_HOUR, EARTH_RATE
 from schuler.errors import InputError
 
 __all__ = [
+    "ORDERS",
     "PUBLISHED_ESTIMATES",
     "PUBLISHED_POSITIONS",
     "PUBLISHED_TRUTH",
@@ -33,6 +35,9 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+
+#: orders of the gimbals, as the kernels number them
+ORDERS = ("zyx", "yzx")
 
 #: the published scheme: alpha, beta, gamma, deg
 PUBLISHED_POSITIONS: tuple[tuple[float, float, float], ...] = (
@@ -107,8 +112,18 @@ class Plant:
         1 sigma of each Euler angle at the start of a position, rad.
     d_oo : bool
         Look for D_OO as well: needs two levels of force or more.
-    up : bool
-        Gravity's specific force points up (the physical sign); the source prints it down.
+    order : {"zyx", "yzx"}
+        Order of the gimbals: C_r^p = Mz(gamma) My(beta) Mx(alpha), or My(gamma) Mz(beta) Mx(alpha).
+    commanded : (3,) tuple of float
+        Commanded rate of the gyros x, y, z (eq. 17), deg/h.
+    servo_error : (3,) tuple of float
+        Rate error of the servo loop in the platform's axes (eq. 16), deg/h.
+    gyro_mounting : (6,) tuple of float
+        Mounting angles of the gyros (eq. 4 to 6), ox, sx, oy, sy, oz, sz, arcsec.
+    earth_centrifugal : bool
+        Take Omega x (Omega x r) of the arm as well: 5e-9 g at 10 g.
+    printed_gravity : bool
+        Gravity's specific force points down, as eq. 10 prints it, and not up.
     """
 
     force: float = 10.0
@@ -118,7 +133,12 @@ class Plant:
     sampling: float = 50.0
     attitude_prior: float = 1e-3
     d_oo: bool = False
-    up: bool = False
+    order: str = "zyx"
+    commanded: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    servo_error: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gyro_mounting: tuple[float, float, float, float, float, float] = (0.0,) * 6
+    earth_centrifugal: bool = False
+    printed_gravity: bool = False
 
     def __post_init__(self) -> None:
         for name in ("force", "rate", "noise", "sampling", "attitude_prior"):
@@ -127,6 +147,12 @@ class Plant:
                 raise InputError(f"a centrifuge's {name} must be positive, got {value}")
         if not abs(self.latitude) <= 90:
             raise InputError(f"latitude must be from -90 to 90 deg, got {self.latitude}")
+        if self.order not in ORDERS:
+            raise InputError(f"unknown gimbal order '{self.order}'; known: {', '.join(ORDERS)}")
+        for name, count in (("commanded", 3), ("servo_error", 3), ("gyro_mounting", 6)):
+            given = np.asarray(getattr(self, name), dtype=np.float64)
+            if given.shape != (count,) or not np.isfinite(given).all():
+                raise InputError(f"a platform's {name} must be {count} finite numbers")
         turn = self.sampling * 360.0 / self.rate
         if abs(turn - round(turn)) > 1e-6 or round(turn) < 8:
             raise InputError(
@@ -160,13 +186,44 @@ class Plant:
         """How many coefficients are looked for."""
         return 3 * self.terms + 18
 
+    @property
+    def order_number(self) -> int:
+        """The gimbals' order as the kernels number it."""
+        return ORDERS.index(self.order)
+
+    @property
+    def gyro_axes(self) -> Array:
+        """Axes I, O, S (rows) of each gyro in the platform, (3, 3, 3) (eq. 4 to 6)."""
+        ox, sx, oy, sy, oz, sz = np.asarray(self.gyro_mounting, dtype=np.float64) * ARCSEC
+        return np.array([
+            [[1.0, -ox, -sx], [-sx, 0.0, -1.0], [ox, 1.0, 0.0]],
+            [[oy, 1.0, -sy], [0.0, -sy, -1.0], [-1.0, oy, 0.0]],
+            [[sz, -oz, 1.0], [1.0, 0.0, -sz], [0.0, 1.0, oz]],
+        ])  # fmt: skip
+
+    @property
+    def turning(self) -> Array:
+        """Commanded rate less the servo loop's error, in the platform, rad/s (eq. 16 to 18)."""
+        commanded = self.gyro_axes[:, 0].T @ np.asarray(self.commanded, dtype=np.float64)
+        return np.asarray((commanded - self.servo_error) * DEG_PER_HOUR)
+
+    @property
+    def is_still(self) -> bool:
+        """Whether the platform keeps its attitude in inertial space, its gyros well mounted."""
+        return not (any(self.commanded) or any(self.servo_error) or any(self.gyro_mounting))
+
     def harmonics(self, force: float | None = None) -> Array:
         """Return a, b, c (3, 3) of the base's force a + b cos wt + c sin wt, g (eq. 10)."""
         level = self.force if force is None else force
         _, north, up = self.earth / self.omega
         swing = level * (1.0 + 2.0 * up)
-        down = 1.0 if self.up else -1.0
-        return np.array([[0.0, 0.0, down], [-swing, 0.0, 0.0], [0.0, -swing, 2.0 * level * north]])
+        down = -1.0 if self.printed_gravity else 1.0
+        out = np.array([[0.0, 0.0, down], [-swing, 0.0, 0.0], [0.0, -swing, 2.0 * level * north]])
+        if self.earth_centrifugal:
+            # Omega (Omega r) - r Omega^2 of the arm's r.
+            out[1, 0] -= level * (north**2 + up**2)
+            out[2, 1:] += level * up * np.array([-up, north])
+        return out
 
     def turns(self, dwell: float) -> int:
         """Return the turns of the arm in a dwell, s.
@@ -251,6 +308,14 @@ def _angles(positions: ArrayLike) -> Array:
     return np.ascontiguousarray(angles * DEG)
 
 
+def _needs_still(plant: Plant) -> None:
+    if not plant.is_still:
+        raise InputError(
+            "sums over positions hold for a platform that keeps its attitude: leave out the "
+            "commanded rate, the servo error and the gyros' mounting angles"
+        )
+
+
 def position_matrices(
     tables: Tables, positions: ArrayLike, level: Sequence[int] | None = None
 ) -> Array:
@@ -272,11 +337,14 @@ def position_matrices(
     from schuler.kernels.centrifuge import many_positions
 
     angles = _angles(positions)
+    _needs_still(tables.plant)
     which = np.zeros(len(angles), np.int64) if level is None else np.asarray(level, np.int64)
     plant = tables.plant
     out = np.zeros((len(angles), plant.unknowns, plant.unknowns))
     nodes, blend, root, omega = tables.arrays
-    many_positions(angles, which, nodes, blend, root, omega, plant.terms, tables.prior, out)
+    many_positions(
+        angles, plant.order_number, which, nodes, blend, root, omega, plant.terms, tables.prior, out
+    )
     return out
 
 
@@ -284,6 +352,9 @@ def scheme_information(
     plant: Plant, positions: ArrayLike, dwell: float, forces: Sequence[float] | None = None
 ) -> Array:
     """Return the information (n, n) of a scheme, in rad/s, g and rad.
+
+    In closed form for a platform that keeps its attitude; with a commanded rate, a servo error or
+    mounting angles of the gyros it is what the filter's covariance holds.
 
     Parameters
     ----------
@@ -301,6 +372,10 @@ def scheme_information(
         For bad positions, dwells or forces.
     """
     rows = np.atleast_2d(np.asarray(positions, dtype=np.float64))
+    if not plant.is_still:
+        from schuler.centrifuge.filter import filter_information
+
+        return filter_information(plant, rows, dwell, forces)
     if forces is None:
         return np.asarray(position_matrices(Tables(plant, dwell), rows).sum(axis=0))
     if len(forces) != len(rows) or not all(f > 0 for f in forces):
@@ -326,6 +401,7 @@ def direct_information(
     from schuler.kernels.centrifuge import direct_accumulation
 
     angles = _angles(positions)
+    _needs_still(plant)
     every = round(1.0 / (plant.sampling * step))
     if every < 1 or abs(every * step * plant.sampling - 1.0) > 1e-9:
         raise InputError(f"an output sample must be a whole number of steps of {step:g} s")
@@ -333,8 +409,8 @@ def direct_information(
     samples = plant.turns(dwell) * round(plant.period / step)
     for k, row in enumerate(angles):
         direct_accumulation(
-            row, plant.harmonics(None if forces is None else forces[k]), plant.omega, plant.earth,
-            samples, step, every, plant.terms, (1e-6 * plant.noise) ** -2.0,
-            plant.attitude_prior**-2.0, out,
+            row, plant.order_number, plant.harmonics(None if forces is None else forces[k]),
+            plant.omega, plant.earth, samples, step, every, plant.terms,
+            (1e-6 * plant.noise) ** -2.0, plant.attitude_prior**-2.0, out,
         )  # fmt: skip
     return out

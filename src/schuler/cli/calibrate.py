@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from schuler.cli.calibrate_centrifuge import centrifuge
 from schuler.cli.command import Group, echo, wants_text
 from schuler.cli.common import (
     Look,
@@ -21,7 +22,7 @@ from schuler.cli.common import (
     site_or_none,
 )
 from schuler.cli.completion import files, specs
-from schuler.cli.parameters import Count, InputFile, Number, OutputFile, Seconds
+from schuler.cli.parameters import InputFile, Number, OutputFile, Seconds
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -283,106 +284,4 @@ def _print_systematic(fit: SystematicFit) -> None:
         echo(f"not shown: {name}")
 
 
-@command.command("centrifuge")
-@click.option(
-    "--dwell",
-    type=Seconds(above=0.0, high=1e6),
-    default="100s",
-    show_default=True,
-    help="At a position.",
-)
-@click.option("--positions", metavar="A,B,G;...", help="deg; the published scheme where left out.")
-@click.option("--simulate", "seed", type=Count(0, 2**63), metavar="SEED",
-              help="Simulate the test with the published truth, and filter it.")  # fmt: skip
-@click.option(
-    "--passes",
-    type=Count(1, 100),
-    default=4,
-    show_default=True,
-    help="Of the filter; 1: no iteration.",
-)
-@click.option("--square-root", is_flag=True, help="Carry a square root of the covariance.")
-@json_option()
-@report_option("Draw what the test shows.")
-def centrifuge(**options: Any) -> None:
-    """Say what a centrifuge test shows of a platform's 45 coefficients, and how well.
-
-    \b
-      schuler calibrate centrifuge --dwell 100s
-      schuler calibrate centrifuge --simulate 1 --report platform.html
-    """  # noqa: D301
-    import numpy as np
-
-    from schuler.centrifuge import (
-        PUBLISHED_ESTIMATES,
-        PUBLISHED_POSITIONS,
-        Ekf,
-        Plant,
-        coefficient_names,
-        coefficient_units,
-        fit_platform,
-        judge,
-        published_truth,
-        simulate_platform,
-    )
-
-    positions = np.array(PUBLISHED_POSITIONS, dtype=np.float64)
-    if options["positions"] is not None:
-        try:
-            positions = np.array(
-                [[float(v) for v in part.split(",")] for part in options["positions"].split(";")]
-            )
-        except ValueError:
-            raise InputError(
-                f"--positions: expected alpha,beta,gamma;... in deg, got '{options['positions']}'"
-            ) from None
-    plant = Plant()
-    found = judge(plant, positions, options["dwell"])
-    units, factor = coefficient_units()
-    truth = published_truth()
-    fit = None
-    if options["seed"] is not None:
-        rng = np.random.default_rng(options["seed"])
-        outputs = simulate_platform(plant, positions, options["dwell"], truth, rng)[0]
-        method = Ekf(passes=options["passes"], square_root=options["square_root"])
-        fit = fit_platform(plant, positions, outputs, method)
-    rows = []
-    for k, name in enumerate(coefficient_names()):
-        row: dict[str, Any] = {
-            "name": name, "unit": units[k], "published_true": float(truth[k] / factor[k]),
-            "sigma": float(found.sigma[k] / factor[k]), "estimate": None,
-            "published_estimate": PUBLISHED_ESTIMATES[k],
-        }  # fmt: skip
-        if fit is not None:
-            row["estimate"] = float(fit.value[k] / factor[k])
-        rows.append(row)
-    if options["json_to"] is not None:
-        emit_json(
-            {
-                "schema": "schuler.calibrate-centrifuge/1", "dwell_s": options["dwell"],
-                "positions": positions.tolist(), "objectives": found.values, "rows": rows,
-                "weakest": [{"singular_value": s, "parts": part} for s, part in found.weakest],
-            },
-            options["json_to"],
-        )  # fmt: skip
-    if options["report_to"] is not None:
-        from schuler.reports.calibrate import platform_report
-
-        platform_report(plant, positions, options["dwell"], found, fit, options["report_to"])
-    if not wants_text():
-        return
-    echo(f"sum of |rho| {found.values['sum-rho']:.2f}, worst sigma "
-               f"{found.relative.max():.3g} % of the published coefficient")  # fmt: skip
-    echo(f"{'':8} {'unit':9} {'true':>10} {'sigma':>10} {'estimate':>11} {'error %':>8}   "
-               f"{'published':>10} {'error %':>8}")  # fmt: skip
-    for row in rows:
-        own, error = "-", "-"
-        if row["estimate"] is not None:
-            own = f"{row['estimate']:.5g}"
-            error = f"{100 * (row['estimate'] / row['published_true'] - 1):.2f}"
-        printed = row["published_estimate"]
-        echo(
-            f"{row['name']:8} {row['unit']:9} {row['published_true']:10g} {row['sigma']:10.3g} "
-            f"{own:>11} {error:>8}   {printed:10g} "
-            f"{100 * (printed / row['published_true'] - 1):8.2f}"
-        )
+command.add_command(centrifuge)

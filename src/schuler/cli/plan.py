@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from contextlib import nullcontext
+from functools import partial
 from typing import Any
 
 import click
@@ -31,8 +32,16 @@ def command() -> None:
     type=Seconds(above=0.0, high=1e7),
     help="With a range: time in all, shared by the positions.",
 )
-@click.option("--objective", default="sum-rho", show_default=True,
-              help="sum-rho, a, d, e, min-max or time.")  # fmt: skip
+@click.option(
+    "--objective", default="min-max", show_default=True,
+    help="What is made small: min-max (largest sigma / wanted), time, a, d, e or sum-rho.",
+)  # fmt: skip
+@click.option("--order", type=click.Choice(["zyx", "yzx"]), default="zyx", show_default=True,
+              help="Of the gimbals.")  # fmt: skip
+@click.option(
+    "--compare", type=Count(0, 1000), default=1, show_default=True, metavar="N",
+    help="Rounds spent on each other objective, to show what the plan gives up; 0: none.",
+)  # fmt: skip
 @click.option("--method", default="cma", show_default=True, help="cma, de or ga.")
 @click.option(
     "--alpha", default="0,360", show_default=True, metavar="LOW,HIGH", help="Limits, deg."
@@ -93,11 +102,22 @@ def command() -> None:
 def centrifuge(**options: Any) -> None:
     """Find the positions of a platform on a centrifuge that tell its 45 coefficients best.
 
+    The table at the end shows the plan by every objective, beside the published scheme and the
+    best that a search for each objective finds.
+
     \b
       schuler plan centrifuge --positions 6 --dwell 20s --time-limit 60s --seed 0 --json -
       schuler plan centrifuge --positions 4-12 --total 120s --time-limit 20s --report trade.html
     """  # noqa: D301
-    from schuler.centrifuge import AngleLimits, Objective, Plant, Problem, explore, plan
+    from schuler.centrifuge import (
+        AngleLimits,
+        Objective,
+        Plant,
+        Problem,
+        compare_objectives,
+        explore,
+        plan,
+    )
 
     counts = _counts(options["positions"])
     if options["report_to"] is not None:
@@ -107,7 +127,7 @@ def centrifuge(**options: Any) -> None:
     limits = AngleLimits(*(_pair(options[key], key) for key in ("alpha", "beta", "gamma")))
     plant = Plant(
         force=options["force"], rate=options["rate"], latitude=options["lat"],
-        noise=options["noise"],
+        noise=options["noise"], order=options["order"],
     )  # fmt: skip
     problem = Problem(
         plant, counts[0], options["dwell"], Objective(options["objective"]), limits,
@@ -115,14 +135,19 @@ def centrifuge(**options: Any) -> None:
     )  # fmt: skip
     shown = sys.stderr.isatty()
 
-    def progress(seconds: float, best: float, spent: int) -> None:
+    def say(text: str) -> None:
         if shown:
-            click.echo(f"\r\x1b[K{seconds:6.1f} s  best {best:.6g}  {spent} evaluations", nl=False,
-                       err=True)  # fmt: skip
+            click.echo(f"\r\x1b[K{text}", nl=False, err=True)
+
+    def progress(count: int, seconds: float, best: float, spent: int) -> None:
+        say(
+            f"{count} positions, {seconds:6.1f} s: best {options['objective']} so far {best:.6g} "
+            f"after {spent} evaluations"
+        )
 
     settings: dict[str, Any] = {
         "seed": options["seed"], "time_limit": options["time_limit"], "rounds": options["rounds"],
-        "workers": options["workers"], "progress": progress,
+        "workers": options["workers"],
     }  # fmt: skip
     if options["resume"] is not None:
         if len(counts) > 1:
@@ -136,11 +161,22 @@ def centrifuge(**options: Any) -> None:
         hired = nullcontext()
     with hired as executor:
         if len(counts) == 1:
-            found = [plan(problem, executor=executor, **settings)]
+            found = [
+                plan(problem, executor=executor, progress=partial(progress, counts[0]), **settings)
+            ]
         else:
-            found = explore(problem, counts, total=options["total"], executor=executor, **settings)
-    if shown:
-        click.echo("\r\x1b[K", nl=False, err=True)
+            found = explore(
+                problem, counts, total=options["total"], executor=executor, progress=progress,
+                **settings,
+            )  # fmt: skip
+        best = min(range(len(found)), key=lambda k: found[k].objective)
+        if options["compare"]:
+            found[best] = compare_objectives(
+                found[best], rounds=options["compare"], seed=options["seed"],
+                workers=options["workers"], executor=executor,
+                progress=lambda name: say(f"for the table: the best by {name}"),
+            )  # fmt: skip
+    say("")
     if options["json_to"] is not None:
         data = found[0].to_dict() if len(found) == 1 else {
             "schema": "schuler.plan-trade/1", "plans": [p.to_dict() for p in found]
@@ -162,6 +198,9 @@ def centrifuge(**options: Any) -> None:
         echo(f"{len(each.positions):9d}  {each.problem.dwell:7g}  {each.objective:10.4g}  "
                    f"{each.published_objective:10.4g}  {100 * each.worst_relative_sigma:9.3g} %   "
                    f"{shown_at}")  # fmt: skip
+    echo()
+    echo(f"{len(found[best].positions)} positions; {found[best].scorecard.headline}")
+    echo(found[best].scorecard)
 
 
 def _counts(text: str) -> range:

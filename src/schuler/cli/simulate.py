@@ -42,15 +42,22 @@ __all__ = ["command"]
 def command(**options: Any) -> None:
     """Simulate the record of a scenario file, with its truth beside it.
 
+    A file with the table [scheme] is a centrifuge test of a platform: its outputs are made, for
+    `schuler calibrate centrifuge`.
+
     \b
       schuler simulate truck.toml --out truck.parquet
       schuler simulate truck.toml --seed 7 --set motion.heading=120 --set duration=60s
     """  # noqa: D301
+    from schuler.centrifuge.files import is_test
     from schuler.config import load_scenario, parse_overrides
     from schuler.io import write
     from schuler.io.trajectory import truth_path, write_trajectory
 
     overrides = parse_overrides(options["overrides"])
+    if is_test(options["scenario"]):
+        _centrifuge_test(options, overrides)
+        return
     if options["seed"] is not None:
         overrides["seed"] = options["seed"]
     scenario = load_scenario(options["scenario"], overrides)
@@ -72,6 +79,35 @@ def command(**options: Any) -> None:
         emit_json(about, options["json_to"])
     if wants_text():
         _print(scenario, about)
+
+
+def _centrifuge_test(options: dict[str, Any], overrides: dict[str, Any]) -> None:
+    """Simulate a centrifuge test."""
+    from schuler.centrifuge.files import outputs_truth_path, simulate_test, write_outputs
+    from schuler.errors import InputError
+
+    if options["truth"] is not None or options["run"] is not None:
+        option = "--truth" if options["truth"] is not None else "--run"
+        raise InputError(
+            f"{option} is for a vehicle's record; the truth of a centrifuge test goes into "
+            "FILE.truth.toml"
+        )
+    made = simulate_test(options["scenario"], overrides, options["seed"])
+    out = Path(options["out"] or f"{made.name}.csv")
+    if options["out"] is None:
+        add_output("the outputs (--out)", out)
+    add_output("the truth", outputs_truth_path(out))
+    write_outputs(out, made.plant, made.scheme, made.outputs, made.truth)
+    about = made.to_dict(str(out))
+    if options["json_to"] is not None:
+        emit_json(about, options["json_to"])
+    if wants_text():
+        echo(
+            f"{made.name}: centrifuge test, {about['positions']} positions of "
+            f"{made.scheme.dwell:g} s, {about['samples']} samples at {made.plant.sampling:g} Hz, "
+            f"seed {made.seed}"
+        )
+        echo(f"outputs {out}, truth {outputs_truth_path(out)}")
 
 
 def _about(scenario: Scenario, made: Simulation, run: int | None) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import time as wall
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -150,6 +151,10 @@ class Source:
         """What is said about the file, with every choice filled in."""
         m = self._meaning.mapping
         return m if m.rate is not None else replace(m, time=self._meaning.clock.unit)
+
+    def how_read(self) -> dict[str, Any]:
+        """Return what JSON says of how the values were read: ``read_as`` and ``assumed``."""
+        return {"read_as": self.meaning, "assumed": list(self.assumed)}
 
     @property
     def meaning(self) -> str:

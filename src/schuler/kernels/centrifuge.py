@@ -48,17 +48,39 @@ _FIRST = np.array([1, 2, 3, 1, 2, 3, 1, 1, 2], dtype=np.int64)
 _SECOND = np.array([0, 0, 0, 1, 2, 3, 2, 3, 3], dtype=np.int64)
 
 
+ZYX, YZX = range(2)
+"""Orders of the gimbals: Mz(gamma) My(beta) Mx(alpha), or My(gamma) Mz(beta) Mx(alpha)."""
+
+
 @helper
-def platform_matrix(alpha, beta, gamma):
-    """Return C_r^p = Mz(gamma) My(beta) Mx(alpha), nine numbers by rows."""
+def platform_matrix(alpha, beta, gamma, order):
+    """Return C_r^p of an order of the gimbals, nine numbers by rows."""
     sa, ca = math.sin(alpha), math.cos(alpha)
     sb, cb = math.sin(beta), math.cos(beta)
     sg, cg = math.sin(gamma), math.cos(gamma)
+    if order == YZX:
+        return (
+            cg * cb, cg * sb * ca + sg * sa, cg * sb * sa - sg * ca,
+            -sb, cb * ca, cb * sa,
+            sg * cb, sg * sb * ca - cg * sa, sg * sb * sa + cg * ca,
+        )  # fmt: skip
     return (
         cg * cb, cg * sb * sa + sg * ca, -cg * sb * ca + sg * sa,
         -sg * cb, -sg * sb * sa + cg * ca, sg * sb * ca + cg * sa,
         sb, -cb * sa, cb * ca,
     )  # fmt: skip
+
+
+@helper
+def angle_rates(angles, order, p, q, r):
+    """Return T (p, q, r): how the angles change when p turns at so much (eq. 15 for `YZX`)."""
+    sb, cb = math.sin(angles[1]), math.cos(angles[1])
+    sg, cg = math.sin(angles[2]), math.cos(angles[2])
+    if order == YZX:
+        a = (cg * p + sg * r) / cb
+        return a, cg * r - sg * p, q + sb * a
+    a = (cg * p - sg * q) / cb
+    return a, sg * p + cg * q, r - sb * a
 
 
 @helper
@@ -84,13 +106,15 @@ def _whiten(raw, root, weight, width, out):
 
 
 @kernel
-def position_information(angles, nodes, blend, root, omega, terms, prior, work, out):
+def position_information(angles, order, nodes, blend, root, omega, terms, prior, work, out):
     """Add to `out` what one position tells, its attitude marginalised.
 
     Parameters
     ----------
     angles : (3,) float64
         alpha, beta, gamma, rad.
+    order : int
+        Of the gimbals, `ZYX` or `YZX`.
     nodes : (q, 19) float64
         Weight of a node (turns over the noise's variance, 1/g^2), the force a, b, c in the base
         frame as the Earth has turned it by then, g, and how fast it turns these, g/s.
@@ -133,7 +157,7 @@ def position_information(angles, nodes, blend, root, omega, terms, prior, work, 
     index = np.empty(32, np.int64)
 
     sums[:] = 0.0
-    m = platform_matrix(angles[0], angles[1], angles[2])
+    m = platform_matrix(angles[0], angles[1], angles[2], order)
     # The means first: what has grown until a node depends on all of them.
     for q in range(nodes.shape[0]):
         _harmonics(m, nodes[q], force, mono)
@@ -217,7 +241,7 @@ def position_information(angles, nodes, blend, root, omega, terms, prior, work, 
                         sums[index[r], index[c]] += total
                     else:
                         sums[index[c], index[r]] += total
-    _marginalise(sums, angles, prior, n, out)
+    _marginalise(sums, angles, order, prior, n, out)
 
 
 @helper
@@ -279,19 +303,20 @@ def _sine_growth(m, node, force, drift, work, out):
 
 
 @helper
-def _marginalise(sums, angles, prior, n, out):
+def _marginalise(sums, angles, order, prior, n, out):
     """Add to `out` the information of the first n unknowns, the last three integrated out."""
     # phi = -(turn of p); the Euler angles turn by T times it: the prior is T^T T / sigma^2.
-    sb, cb = math.sin(angles[1]), math.cos(angles[1])
-    sg, cg = math.sin(angles[2]), math.cos(angles[2])
-    t00, t01 = cg / cb, -sg / cb
-    t20, t21 = -sb * t00, -sb * t01
-    a00 = sums[n, n] + prior * (t00 * t00 + sg * sg + t20 * t20)
-    a10 = sums[n + 1, n] + prior * (t00 * t01 + sg * cg + t20 * t21)
-    a11 = sums[n + 1, n + 1] + prior * (t01 * t01 + cg * cg + t21 * t21)
-    a20 = sums[n + 2, n] + prior * t20
-    a21 = sums[n + 2, n + 1] + prior * t21
-    a22 = sums[n + 2, n + 2] + prior
+    t0, t1, t2 = (
+        angle_rates(angles, order, 1.0, 0.0, 0.0),
+        angle_rates(angles, order, 0.0, 1.0, 0.0),
+        angle_rates(angles, order, 0.0, 0.0, 1.0),
+    )
+    a00 = sums[n, n] + prior * (t0[0] * t0[0] + t0[1] * t0[1] + t0[2] * t0[2])
+    a10 = sums[n + 1, n] + prior * (t0[0] * t1[0] + t0[1] * t1[1] + t0[2] * t1[2])
+    a11 = sums[n + 1, n + 1] + prior * (t1[0] * t1[0] + t1[1] * t1[1] + t1[2] * t1[2])
+    a20 = sums[n + 2, n] + prior * (t0[0] * t2[0] + t0[1] * t2[1] + t0[2] * t2[2])
+    a21 = sums[n + 2, n + 1] + prior * (t1[0] * t2[0] + t1[1] * t2[1] + t1[2] * t2[2])
+    a22 = sums[n + 2, n + 2] + prior * (t2[0] * t2[0] + t2[1] * t2[1] + t2[2] * t2[2])
     l00 = math.sqrt(a00)
     l10 = a10 / l00
     l20 = a20 / l00
@@ -317,24 +342,25 @@ def work_size(nodes: int) -> int:
 
 
 @kernel
-def many_positions(angles, level, nodes, blend, root, omega, terms, prior, out):
+def many_positions(angles, order, level, nodes, blend, root, omega, terms, prior, out):
     """Fill `out` (p, n, n) with the information of p positions.
 
-    `angles` is (p, 3), `level` (p,) says which row of the tables `nodes` (levels, q, 19), `blend`
-    (levels, q, q), `root` (levels, 10, 10) and `omega` (levels,) is each position's.
+    `angles` is (p, 3), `order` that of the gimbals, `level` (p,) says which row of the tables
+    `nodes` (levels, q, 19), `blend` (levels, q, q), `root` (levels, 10, 10) and `omega`
+    (levels,) is each position's.
     """
     work = np.zeros(51 * 51 + 1200 + nodes.shape[1] * MONOMIALS)
     for p in range(angles.shape[0]):
         out[p] = 0.0
         k = level[p]
         position_information(
-            angles[p], nodes[k], blend[k], root[k], omega[k], terms, prior, work, out[p]
+            angles[p], order, nodes[k], blend[k], root[k], omega[k], terms, prior, work, out[p]
         )
 
 
 @kernel
 def direct_accumulation(
-    angles, force, omega, earth, samples, step, every, terms, weight, prior, out
+    angles, order, force, omega, earth, samples, step, every, terms, weight, prior, out
 ):  # fmt: skip
     """Add to `out` what one position tells, sample by sample: the long way, for comparison.
 
@@ -342,6 +368,8 @@ def direct_accumulation(
     ----------
     angles : (3,) float64
         alpha, beta, gamma at the start, rad.
+    order : int
+        Of the gimbals.
     force : (3, 3) float64
         a, b, c of the base's force a + b cos wt + c sin wt, g.
     omega, earth : float, (3,) float64
@@ -356,7 +384,7 @@ def direct_accumulation(
     n = 3 * terms + 18
     full = n + 3
     sums = np.zeros((full, full))
-    m = platform_matrix(angles[0], angles[1], angles[2])
+    m = platform_matrix(angles[0], angles[1], angles[2], order)
     f = np.zeros(4)
     f[0] = 1.0
     before = np.zeros(MONOMIALS)
@@ -422,7 +450,7 @@ def direct_accumulation(
                 for q in range(used):
                     if index[r] >= index[q]:
                         sums[index[r], index[q]] += weight * row[r] * row[q]
-    _marginalise(sums, angles, prior, n, out)
+    _marginalise(sums, angles, order, prior, n, out)
 
 
 @kernel

@@ -14,12 +14,12 @@ import math
 import numpy as np
 
 from schuler.kernels._jit import helper, kernel
-from schuler.kernels.centrifuge import _FIRST, _SECOND, _SIGN, _TERM, platform_matrix
+from schuler.kernels.centrifuge import angle_rates, platform_matrix
 
 
 @helper
-def _force(angles, harmonics, c, s, f):
-    m = platform_matrix(angles[0], angles[1], angles[2])
+def _force(angles, order, harmonics, c, s, f):
+    m = platform_matrix(angles[0], angles[1], angles[2], order)
     x = harmonics[0, 0] + harmonics[1, 0] * c + harmonics[2, 0] * s
     y = harmonics[0, 1] + harmonics[1, 1] * c + harmonics[2, 1] * s
     z = harmonics[0, 2] + harmonics[1, 2] * c + harmonics[2, 2] * s
@@ -29,30 +29,34 @@ def _force(angles, harmonics, c, s, f):
 
 
 @helper
-def _rates(x, terms, angles, harmonics, earth, c, s, f, mono, rate):
-    """Fill the force, its monomials and the rates of the angles, -T (eps + C w)."""
-    _force(angles, harmonics, c, s, f)
-    mono[0] = 1.0
-    for a in range(9):
-        mono[1 + a] = f[_FIRST[a]] * f[_SECOND[a]]
-    m = platform_matrix(angles[0], angles[1], angles[2])
-    for j in range(3):
-        total = m[3 * j] * earth[0] + m[3 * j + 1] * earth[1] + m[3 * j + 2] * earth[2]
-        for t in range(terms):
-            total += x[3 * t + j] * _SIGN[j, t] * mono[_TERM[j, t]]
-        rate[3 + j] = total
-    turn(angles, -rate[3], -rate[4], -rate[5], rate)
+def _gyro_terms(axes, j, f, mono):
+    """Fill what the ten coefficients of gyro j are multiplied by; its axes are I, O, S."""
+    i = axes[j, 0, 0] * f[1] + axes[j, 0, 1] * f[2] + axes[j, 0, 2] * f[3]
+    o = axes[j, 1, 0] * f[1] + axes[j, 1, 1] * f[2] + axes[j, 1, 2] * f[3]
+    s = axes[j, 2, 0] * f[1] + axes[j, 2, 1] * f[2] + axes[j, 2, 2] * f[3]
+    mono[j, 0], mono[j, 1], mono[j, 2], mono[j, 3] = 1.0, i, o, s
+    mono[j, 4], mono[j, 5] = i * i, s * s
+    mono[j, 6], mono[j, 7], mono[j, 8], mono[j, 9] = i * o, i * s, o * s, o * o
 
 
 @helper
-def turn(angles, p, q, r, out):
-    """Fill T (p, q, r): what the angles do when p turns by so much (eq. 15, for z, y, x)."""
-    sb, cb = math.sin(angles[1]), math.cos(angles[1])
-    sg, cg = math.sin(angles[2]), math.cos(angles[2])
-    a = (cg * p - sg * q) / cb
-    out[0] = a
-    out[1] = sg * p + cg * q
-    out[2] = r - sb * a
+def _rates(x, terms, angles, order, axes, turning, harmonics, earth, c, s, f, mono, rate):
+    """Fill the force, the gyros' terms, the angles' rates -T (w + C earth), and w (eq. 18)."""
+    _force(angles, order, harmonics, c, s, f)
+    m = platform_matrix(angles[0], angles[1], angles[2], order)
+    for a in range(3):
+        rate[3 + a] = turning[a]
+    for j in range(3):
+        _gyro_terms(axes, j, f, mono)
+        drift = 0.0
+        for t in range(terms):
+            drift += x[3 * t + j] * mono[j, t]
+        for a in range(3):
+            rate[3 + a] += axes[j, 0, a] * drift
+    p = rate[3] + m[0] * earth[0] + m[1] * earth[1] + m[2] * earth[2]
+    q = rate[4] + m[3] * earth[0] + m[4] * earth[1] + m[5] * earth[2]
+    r = rate[5] + m[6] * earth[0] + m[7] * earth[1] + m[8] * earth[2]
+    rate[0], rate[1], rate[2] = angle_rates(angles, order, -p, -q, -r)
 
 
 @helper
@@ -63,7 +67,12 @@ def _output(x, at, i, f, h):
         own += x[at + 15] * f[1]
     elif i == 2:
         own += x[at + 16] * f[1] + x[at + 17] * f[2]
-    other = -f[3] if i == 1 else f[2]
+    # P is at right angles to I as the mounting angles have it (eq. 2 and 3).
+    other = f[2]
+    if i == 1:
+        other = -f[3]
+    elif i == 2:
+        other -= x[at + 17] * f[3]
     k1, k2, k3, kp = x[at + 3 + i], x[at + 6 + i], x[at + 9 + i], x[at + 12 + i]
     slope = 1.0 + k1 + own * (2.0 * k2 + 3.0 * own * k3) + kp * other
     h[0] = 1.0
@@ -72,7 +81,7 @@ def _output(x, at, i, f, h):
     h[3] = own * own * own
     h[4] = own * other
     h[5] = slope * f[1] if i > 0 else 0.0
-    h[6] = slope * f[2] if i == 2 else 0.0
+    h[6] = slope * f[2] - kp * own * f[3] if i == 2 else 0.0
     h[7] = h[8] = h[9] = 0.0
     h[7 + i] = slope
     if i == 1:
@@ -81,6 +90,7 @@ def _output(x, at, i, f, h):
     elif i == 2:
         h[7] += slope * x[at + 16]
         h[8] += slope * x[at + 17] + kp * own
+        h[9] -= kp * own * x[at + 17]
     else:
         h[8] += kp * own
     return x[at + i] + own * (1.0 + k1 + own * (k2 + own * k3) + kp * other)
@@ -88,8 +98,8 @@ def _output(x, at, i, f, h):
 
 @kernel
 def filter_position(
-    x, off, cov, first, outputs, harmonics, omega, earth, step, every, terms, noise, walk, about,
-    variant, tally,
+    x, off, cov, first, outputs, order, axes, turning, harmonics, omega, earth, step, every, terms,
+    noise, walk, about, variant, tally,
 ):  # fmt: skip
     """Feed output samples of one position; x, off and cov are left ready for more.
 
@@ -105,6 +115,12 @@ def filter_position(
         Steps of the position that are done.
     outputs : (m, 3) float64
         Accelerometer outputs, g, one every `every` steps.
+    order : int
+        Of the gimbals.
+    axes : (3, 3, 3) float64
+        Axes I, O, S (rows) of each gyro in p.
+    turning : (3,) float64
+        Commanded rate less the servo loop's error, in p, rad/s.
     harmonics, omega, earth
         The plant, as in `direct_accumulation`.
     step, every : float, int
@@ -126,8 +142,8 @@ def filter_position(
     at = 3 * terms
     angles = x[n : n + 3]
     f = np.zeros(4)
-    mono = np.zeros(10)
-    mono_end = np.zeros(10)
+    mono = np.zeros((3, 10))
+    mono_end = np.zeros((3, 10))
     rate = np.zeros(6)
     ahead = np.zeros(6)
     guess = np.zeros(3)
@@ -146,30 +162,32 @@ def filter_position(
         phi[:] = 0.0
         for e in range(every):
             t = (first + k * every + e) * step
-            _rates(x, terms, angles, harmonics, earth, math.cos(omega * t), math.sin(omega * t),
-                   f, mono, rate)  # fmt: skip
+            _rates(x, terms, angles, order, axes, turning, harmonics, earth,
+                   math.cos(omega * t), math.sin(omega * t), f, mono, rate)  # fmt: skip
             for a in range(3):
                 guess[a] = angles[a] + step * rate[a]
-            _slope(x, terms, f, slope)
+            _slope(x, terms, axes, f, rate, slope)
             for j in range(3):
                 for a in range(3):
                     phi[j, a] += step * slope[j, a]
             t += step
-            _rates(x, terms, guess, harmonics, earth, math.cos(omega * t), math.sin(omega * t),
-                   f, mono_end, ahead)  # fmt: skip
+            _rates(x, terms, guess, order, axes, turning, harmonics, earth,
+                   math.cos(omega * t), math.sin(omega * t), f, mono_end, ahead)  # fmt: skip
             for a in range(3):
                 angles[a] += 0.5 * step * (rate[a] + ahead[a])
             for j in range(3):
                 for q in range(terms):
-                    w = _TERM[j, q]
-                    grown[j, q] += 0.5 * step * _SIGN[j, q] * (mono[w] + mono_end[w])
+                    grown[j, q] += 0.5 * step * (mono[j, q] + mono_end[j, q])
         for j in range(3):
             for c in range(size):
                 rows[j, c] = cov[n + j, c]
-            for q in range(terms):
-                b = grown[j, q]
-                for c in range(size):
-                    rows[j, c] += b * cov[3 * q + j, c]
+            for g in range(3):
+                if axes[g, 0, j] == 0.0:
+                    continue
+                for q in range(terms):
+                    b = axes[g, 0, j] * grown[g, q]
+                    for c in range(size):
+                        rows[j, c] += b * cov[3 * q + g, c]
             for a in range(3):
                 b = phi[j, a]
                 for c in range(size):
@@ -177,8 +195,9 @@ def filter_position(
         if about:
             for j in range(3):
                 total = off[n + j]
-                for q in range(terms):
-                    total += grown[j, q] * off[3 * q + j]
+                for g in range(3):
+                    for q in range(terms):
+                        total += axes[g, 0, j] * grown[g, q] * off[3 * q + g]
                 for a in range(3):
                     total += phi[j, a] * off[n + a]
                 small[j] = total
@@ -196,8 +215,9 @@ def filter_position(
             for j in range(3):
                 for i in range(3):
                     total = rows[j, n + i]
-                    for q in range(terms):
-                        total += grown[i, q] * rows[j, 3 * q + i]
+                    for g in range(3):
+                        for q in range(terms):
+                            total += axes[g, 0, i] * grown[g, q] * rows[j, 3 * q + g]
                     for a in range(3):
                         total += phi[i, a] * rows[j, n + a]
                     cov[n + j, n + i] = total
@@ -211,7 +231,7 @@ def filter_position(
             index[6] = at + 17
             for q in range(3):
                 index[7 + q] = n + q
-            _force(angles, harmonics, c_, s_, f)
+            _force(angles, order, harmonics, c_, s_, f)
             y = _output(x, at, i, f, h)
             for q in range(7):
                 value[q] = h[q]
@@ -250,8 +270,10 @@ def filter_position(
                 for r in range(n):
                     x[r] += gain[r] * residual
                 for g in (n, n + 3):
-                    turn(x[g : g + 3], -gain[g] * residual, -gain[g + 1] * residual,
-                         -gain[g + 2] * residual, small)  # fmt: skip
+                    small[0], small[1], small[2] = angle_rates(
+                        x[g : g + 3], order, -gain[g] * residual, -gain[g + 1] * residual,
+                        -gain[g + 2] * residual,
+                    )  # fmt: skip
                     for r in range(3):
                         x[g + r] += small[r]
             if variant == 1:
@@ -268,21 +290,24 @@ def filter_position(
 
 
 @helper
-def _slope(x, terms, f, slope):
-    """Fill how fast phi grows with phi: d eps / d f times -[f x]."""
+def _slope(x, terms, axes, f, rate, slope):
+    """Fill how fast phi grows with phi: w x, and the drift's slope d eps / d f times -[f x]."""
+    slope[0, 0] = slope[1, 1] = slope[2, 2] = 0.0
+    slope[0, 1], slope[0, 2], slope[1, 2] = -rate[5], rate[4], -rate[3]
+    slope[1, 0], slope[2, 0], slope[2, 1] = rate[5], -rate[4], rate[3]
     for j in range(3):
-        gx = gy = gz = 0.0
-        for t in range(1, terms):
-            w = _TERM[j, t] - 1
-            b = x[3 * t + j] * _SIGN[j, t]
-            p, q = _FIRST[w], _SECOND[w]
-            if q == 0:
-                u, z = b, 0.0
-            else:
-                u, z = b * f[q], b * f[p]
-            gx += (u if p == 1 else 0.0) + (z if q == 1 else 0.0)
-            gy += (u if p == 2 else 0.0) + (z if q == 2 else 0.0)
-            gz += (u if p == 3 else 0.0) + (z if q == 3 else 0.0)
-        slope[j, 0] = gz * f[2] - gy * f[3]
-        slope[j, 1] = gx * f[3] - gz * f[1]
-        slope[j, 2] = gy * f[1] - gx * f[2]
+        i = axes[j, 0, 0] * f[1] + axes[j, 0, 1] * f[2] + axes[j, 0, 2] * f[3]
+        o = axes[j, 1, 0] * f[1] + axes[j, 1, 1] * f[2] + axes[j, 1, 2] * f[3]
+        s = axes[j, 2, 0] * f[1] + axes[j, 2, 1] * f[2] + axes[j, 2, 2] * f[3]
+        io, is_, os = x[18 + j], x[21 + j], x[24 + j]
+        oo = x[27 + j] if terms == 10 else 0.0
+        di = x[3 + j] + 2.0 * x[12 + j] * i + io * o + is_ * s
+        do = x[6 + j] + io * i + os * s + 2.0 * oo * o
+        ds = x[9 + j] + 2.0 * x[15 + j] * s + is_ * i + os * o
+        gx = di * axes[j, 0, 0] + do * axes[j, 1, 0] + ds * axes[j, 2, 0]
+        gy = di * axes[j, 0, 1] + do * axes[j, 1, 1] + ds * axes[j, 2, 1]
+        gz = di * axes[j, 0, 2] + do * axes[j, 1, 2] + ds * axes[j, 2, 2]
+        for a in range(3):
+            slope[a, 0] += axes[j, 0, a] * (gz * f[2] - gy * f[3])
+            slope[a, 1] += axes[j, 0, a] * (gx * f[3] - gz * f[1])
+            slope[a, 2] += axes[j, 0, a] * (gy * f[1] - gx * f[2])

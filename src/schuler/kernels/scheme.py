@@ -87,8 +87,8 @@ def _largest_eigenvalue(matrix, wanted):
 
 
 @kernel
-def scheme_values(schemes, nodes, blend, root, omega, terms, prior, wanted, kind, out):
-    """Fill `out` (m,) with the objectives of schemes (m, p, 3), rad.
+def scheme_values(schemes, order, nodes, blend, root, omega, terms, prior, wanted, kind, out):
+    """Fill `out` (m,) with the objectives of schemes (m, p, 3), rad, of an order of the gimbals.
 
     The tables are those of `schuler.kernels.centrifuge.many_positions`, of one level.
     """
@@ -101,8 +101,8 @@ def scheme_values(schemes, nodes, blend, root, omega, terms, prior, wanted, kind
         information[:] = 0.0
         for p in range(schemes.shape[1]):
             position_information(
-                schemes[k, p], nodes[0], blend[0], root[0], omega[0], terms, prior, scratch,
-                information,
+                schemes[k, p], order, nodes[0], blend[0], root[0], omega[0], terms, prior,
+                scratch, information,
             )  # fmt: skip
         out[k] = objective(information, wanted, kind, work, inverse)
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from schuler.centrifuge import OBJECTIVES, PUBLISHED_POSITIONS, Plan, judge
-from schuler.reports.calibrate import correlation_figure
+from schuler.centrifuge import PUBLISHED_POSITIONS, Plan, judge
+from schuler.centrifuge.scorecard import LABELS
+from schuler.reports.centrifuge import correlation_figure
 from schuler.reports.figures import BLUE, GREY, ORANGE, figure_of, plot_layout
 from schuler.reports.page import Drawing, Section, definition_table, graph_objects, write_page
 
@@ -35,14 +37,6 @@ def plan_report(plans: Sequence[Plan], path: str | Path) -> None:
     if len(plans) > 1:
         sections.append(Section("The trade", drawings=[_trade(plans, name)]))
     found = judge(problem.plant, best.positions, problem.dwell)
-    printed = judge(problem.plant, np.array(PUBLISHED_POSITIONS, float), problem.dwell)
-    rows = [
-        (
-            f"{key}: {OBJECTIVES[key][1]}",
-            f"{value:.4g} (published scheme {printed.values[key]:.4g})",
-        )
-        for key, value in found.values.items()
-    ]
     scheme = [
         (f"position {k}", ", ".join(f"{v:g}°" for v in row))
         for k, row in enumerate(best.positions, 1)
@@ -51,8 +45,7 @@ def plan_report(plans: Sequence[Plan], path: str | Path) -> None:
         Section("The search", drawings=[_search(plans, name)]),
         Section(
             "The scheme",
-            html=definition_table(scheme, "Alpha, beta, gamma")
-            + definition_table(rows, "By every measure"),
+            html=definition_table(scheme, "Alpha, beta, gamma") + _scorecard(best),
             drawings=[
                 _positions(best),
                 Drawing(
@@ -63,16 +56,35 @@ def plan_report(plans: Sequence[Plan], path: str | Path) -> None:
             ],
         ),
     ]
+    told = best.scorecard.headline
     head = (
         "<h1>Plan of a centrifuge test</h1>"
-        f'<p class="value">{best.objective:.4g} <span class="pm">{name}</span></p>'
-        f'<p class="sub">{len(best.positions)} positions of {problem.dwell:g} s; the published '
-        f"scheme has {best.published_objective:.4g}. Worst sigma "
-        f"{100 * best.worst_relative_sigma:.3g} % of a coefficient. "
+        f'<p class="value">{best.objective:.4g} <span class="pm">{LABELS[name]}</span></p>'
+        f'<p class="sub">{len(best.positions)} positions of {problem.dwell:g} s; {escape(told)}. '
+        f"Worst sigma {100 * best.worst_relative_sigma:.3g} % of a coefficient. "
         f"{sum(p.evaluations for p in plans)} evaluations in "
         f"{sum(p.seconds for p in plans):.1f} s.</p>"
     )
     write_page(path, "Plan of a centrifuge test", head, sections)
+
+
+def _scorecard(plan: Plan) -> str:
+    """Return the table of all objectives: this plan, the published scheme, the best found."""
+
+    def cell(value: float | None) -> str:
+        return f"<td>{'–' if value is None else f'{value:.4g}'}</td>"
+
+    body = "".join(
+        f'<tr><th scope="row">{escape(LABELS[row["name"]])}'
+        + (" (optimised)" if row["name"] == plan.scorecard.optimised else "")
+        + "</th>" + "".join(cell(row[key]) for key in ("plan", "published", "best")) + "</tr>"
+        for row in plan.scorecard.rows()
+    )  # fmt: skip
+    head = "".join(f'<th scope="col">{h}</th>' for h in ("this plan", "published", "best found"))
+    return (
+        "<table><caption>By every objective; the best is what a search for that objective alone "
+        f"finds</caption><thead><tr><td></td>{head}</tr></thead><tbody>{body}</tbody></table>"
+    )
 
 
 def _search(plans: Sequence[Plan], name: str) -> Drawing:
@@ -120,10 +132,12 @@ def _positions(plan: Plan) -> Drawing:
 def _trade(plans: Sequence[Plan], name: str) -> Drawing:
     go = graph_objects()
     count = [len(p.positions) for p in plans]
-    layout = plot_layout(400, "positions", name, hovermode="closest")
+    layout = plot_layout(400, "positions", LABELS[name], hovermode="closest")
     layout["xaxis"].update(dtick=1)
+    # Largest sigma over wanted and the worst sigma in per cent are one curve.
+    other = "sum-rho" if name in ("min-max", "time") else "min-max"
     layout["yaxis2"] = {
-        "title": {"text": "worst sigma, %"}, "overlaying": "y", "side": "right",
+        "title": {"text": LABELS[other]}, "overlaying": "y", "side": "right",
         "rangemode": "tozero", "showgrid": False,
     }  # fmt: skip
     layout["margin"] = {**layout.get("margin", {}), "r": 70}
@@ -134,13 +148,13 @@ def _trade(plans: Sequence[Plan], name: str) -> Drawing:
                 line={"color": BLUE},
             ),
             go.Scatter(
-                x=count, y=[100 * p.worst_relative_sigma for p in plans], name="worst sigma",
+                x=count, y=[p.scorecard.plan[other] for p in plans], name=other,
                 mode="lines+markers", line={"color": ORANGE, "dash": "dash"}, yaxis="y2",
             ),
         ],
         layout,
     )  # fmt: skip
     return Drawing(
-        figure, "What more positions are worth, and that the objective is not accuracy.",
-        "Objective and worst sigma against the number of positions",
+        figure, "What more positions are worth, by the objective that was made small and another.",
+        "Two objectives against the number of positions",
     )  # fmt: skip
