@@ -44,13 +44,13 @@ def _table(found: Mapping[str, Any]) -> str:
 
 
 def _drawings(name: str, found: Mapping[str, Any]) -> list[Drawing]:
-    """Draw the rows of each unit that have two figures at least: a drawing for a unit.
+    """Draw all rows, a drawing for each unit.
 
     Where a figure is nought or negative the axis is linear, so that none is left out.
     """
     go = graph_objects()
     marks = (("diamond", ORANGE), ("circle", GREY), ("square", BLUE), ("line-ns-open", GREEN))
-    rows = [row for row in found["rows"] if sum(v is not None for v in _values(row)) > 1]
+    rows = [row for row in found["rows"] if any(v is not None for v in _values(row))]
     out = []
     for unit in dict.fromkeys(row["unit"] for row in rows):
         own = [row for row in rows if row["unit"] == unit]
@@ -93,9 +93,10 @@ def _curves(figure: Any) -> Drawing:
             )
         )  # fmt: skip
     layout = plot_layout(400, figure.x, figure.y)
-    layout["legend"] = {"orientation": "h", "y": -0.2, "yanchor": "top", "x": 0}
+    layout["margin"] = {**layout["margin"], "b": 110}
+    layout["legend"] = {"orientation": "h", "y": -0.3, "yanchor": "top", "x": 0}
     if figure.log_y:
-        layout["yaxis"].update(type="log")
+        layout["yaxis"].update(type="log", exponentformat="power")
     return Drawing(figure_of(traces, layout), f"{figure.title}.", f"{figure.title}: lines.")
 
 
