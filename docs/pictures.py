@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -284,9 +285,51 @@ def misalignment() -> Any:
     return figure
 
 
+def _velocity_table() -> dict[str, list[str]]:
+    """Return the cells of the table of the prefilters' page by way."""
+    page = (Path(__file__).resolve().parent / "prefilter.md").read_text(encoding="utf-8")
+    rows = page.partition("<!-- velocity table -->")[2].partition("<!-- end")[0].split("\n")
+    cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows if "|" in row]
+    return {row[0]: row[1:] for row in cells[2:]}
+
+
+def velocity_emd() -> Any:
+    """Draw the prefilters' table: azimuth error against the length of the record."""
+    table, lengths = _velocity_table(), [100.0, 150.0, 200.0, 300.0]
+    figure, ax = plt.subplots(figsize=(7.2, 3.6))
+    for name, text, color, marker in (
+        ("no prefilter", "Kalman, no prefilter", GREY, "o"),
+        ("EMD", "Kalman, EMD of the velocity", ORANGE, "s"),
+        ("improved EMD", "Kalman, improved EMD", PINK, "D"),
+        ("zero-phase low-pass", "Kalman, zero-phase low-pass", GREEN, "^"),
+        ("default", "default method, no prefilter", BLUE, "v"),
+    ):
+        found = [cell.split(" ± ") for cell in table[name][1:5]]
+        error = [float(cell[1]) if len(cell) > 1 else 0.0 for cell in found]
+        ax.errorbar(lengths, [float(cell[0]) for cell in found], error, color=color,
+                    marker=marker, ms=4.5, capsize=2.5, label=text)  # fmt: skip
+    bound = [float(cell) for cell in table["Cramér-Rao bound"][1:5]]
+    ax.plot(lengths, bound, color=TEXT, ls=":", lw=1.2, label="Cramér-Rao bound")
+    ax.set(xlabel="length of the record, s", ylabel="azimuth error, rms, arcmin", yscale="log")
+    ax.set_yticks([4, 6, 10, 20, 40], ["4", "6", "10", "20", "40"])
+    ax.minorticks_off()
+    ax.legend(loc="upper right")
+    return figure
+
+
 PICTURES: dict[str, Callable[[], Any]] = {
     each.__name__: each
-    for each in (angles, earth, cone, slopes, centred, budget, positions, misalignment)
+    for each in (
+        angles,
+        earth,
+        cone,
+        slopes,
+        centred,
+        budget,
+        positions,
+        misalignment,
+        velocity_emd,
+    )
 }
 
 

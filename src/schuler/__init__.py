@@ -54,7 +54,9 @@ _EXPORTS = {
         "Mapping", "open_source", "read", "read_trajectory", "write", "write_trajectory",
     ),
     "schuler.navigation": ("Navigator", "Start", "evaluate", "navigate"),
-    "schuler.prefilter": ("Chain", "Emd", "Gate", "Hankel", "LowPass", "Wavelet"),
+    "schuler.prefilter": (
+        "Chain", "Emd", "Gate", "Hankel", "LowPass", "VelocityEmd", "Wavelet",
+    ),
     "schuler.record": ("ImuRecord",),
     "schuler.reports": ("report",),
     "schuler.sensors": ("ImuSpec", "SensorArray", "load_spec"),
@@ -104,6 +106,7 @@ if TYPE_CHECKING:
     from schuler.prefilter import Gate as Gate
     from schuler.prefilter import Hankel as Hankel
     from schuler.prefilter import LowPass as LowPass
+    from schuler.prefilter import VelocityEmd as VelocityEmd
     from schuler.prefilter import Wavelet as Wavelet
     from schuler.record import ImuRecord as ImuRecord
     from schuler.reports import report as report

@@ -31,7 +31,7 @@ def test_names_are_completed(tmp_path):
     assert completed("schuler al", 1) == ["plain,align", "plain,allan"]
     assert "plain,--report" in completed("schuler align x --rep", 3)
     assert completed("schuler align x --method kalman-l", 4) == ["plain,kalman-large"]
-    assert completed("schuler align x --prefilter em", 4) == ["plain,emd"]
+    assert completed("schuler align x --prefilter h", 4) == ["plain,hankel"]
     assert completed("schuler align x --spec ", 4, tmp_path) == [
         "plain,navigation-rlg", "plain,navigation-fog", "plain,tactical-fog",
         "plain,industrial-mems", "plain,ours.toml", "plain,sub/",

@@ -26,7 +26,23 @@ def test_run_writes_table_json_and_page(run, tmp_path):
     schema("published").validate(found)
     text = page.read_text(encoding="utf-8")
     assert "du2016" in text
-    assert text.count("<figure>") == 1
+    # A drawing of the headings, and one for each unit that has figures.
+    assert text.count("<figure>") == 1 + len({
+        row["unit"] for row in found["experiments"]["du2016"]["rows"]
+        if any(row[key] is not None for key in ("printed", "document_method", "best", "limit"))
+    })  # fmt: skip
+    assert "psi, counter-clockwise from north, deg" in text
+
+
+def test_conditions_are_listed_and_set(run):
+    listed = run("published", "conditions", "du2016")
+    assert listed.code == 0
+    assert "site.lat" in listed.out
+    done = run("published", "run", "du2016", "--set", "site.lat=10", "--set",
+               "headings.psi=[90.0]", "--set", "headings.all_psi_step=180.0")  # fmt: skip
+    assert done.code == 0
+    assert "latitude 10, psi 90" in done.out
+    assert "Changed conditions: site.lat = 10, headings.psi = [90.0]" in done.out
 
 
 def test_json_alone_on_standard_output(run):
@@ -43,6 +59,9 @@ def test_json_alone_on_standard_output(run):
         (("du2016", "--runs", "1"), "two runs"),
         (("du2016", "--workers", "0"), "from 1 to 1000, got 0"),
         (("du2016", "--json", "nowhere/a.json"), "nowhere"),
+        (("du2016", "--set", "site.latitude=3"), "no condition 'site.latitude'"),
+        (("du2016", "--set", "site.lat"), "expected key=value"),
+        (("all", "--set", "filter.stop=0.3"), "guo2015 has no condition 'filter.stop'"),
     ],
 )
 def test_refused(run, arguments, says, tmp_path, monkeypatch):

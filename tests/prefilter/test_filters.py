@@ -176,3 +176,23 @@ def test_the_low_pass_starts_from_gravity_alone():
     }
     assert error[1.0] > 0.05
     assert error[300.0] < 0.2 * error[1.0]
+
+
+def test_the_start_is_the_line_that_gravity_makes():
+    """A step of the displacement at any time leaves the line within a fraction of its share."""
+    from schuler.prefilter.lowpass import _line
+
+    n, ahead = 15_000, 6000
+    k = np.arange(n)
+    exact = 9.8 - 3e-6 * np.arange(-ahead, 0)
+    np.testing.assert_allclose(_line(9.8 - 3e-6 * k, ahead), exact, rtol=1e-9)
+    rng = np.random.default_rng(1)
+    errors: dict[str, list[float]] = {"velocity": [], "force": []}
+    for _ in range(40):
+        # A bounded velocity: the force of a vehicle that shakes and stays.
+        shaking = np.diff(rng.standard_normal(n + 1))
+        force = 9.8 - 3e-6 * k + shaking
+        errors["velocity"].append(_line(force, ahead)[0] - exact[0])
+        slope = np.polynomial.Polynomial.fit(k, force, 1)
+        errors["force"].append(float(slope(-ahead)) - exact[0])
+    assert np.std(errors["velocity"]) < 0.2 * np.std(errors["force"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from schuler._options import Registry
@@ -148,6 +148,9 @@ class KalmanAlignment(Method):
         Time between measurements, s.
     noise : float, optional
         Sigma of what is measured: m, m/s or m/s^2; read from the record when not given.
+    start : str
+        The estimator of `Inertial` that the filter starts from; its prior is three sigmas of that
+        at least, so that the record hardly counts twice.
     """
 
     states: int = 15
@@ -163,9 +166,11 @@ class KalmanAlignment(Method):
     passes: int = 1
     step: float = field(default=1.0, metadata={"unit": "time"})
     noise: float | None = None
+    start: str = "centred"
 
     def __post_init__(self) -> None:
         for name, value, known in (
+            ("start", self.start, ESTIMATORS),
             ("states", self.states, (10, 12, 15)),
             ("measurement", self.measurement, ("displacement", "velocity", "force")),
             ("robust", self.robust, (None, "huber", "igg3")),
@@ -177,6 +182,8 @@ class KalmanAlignment(Method):
             raise InputError("a displacement is measured with 15 states")
         if self.coloured and self.measurement != "displacement":
             raise InputError("a coloured motion is one of the displacement")
+        if self.azimuth == "large" and self.start != "centred":
+            raise InputError("a filter of a large azimuth needs no start: leave it out")
         if self.passes < 1 or self.passes % 2 == 0:
             raise InputError(f"passes must be odd (forward last), got {self.passes}")
         if not (self.step > 0 and self.motion_time > 0):
@@ -186,11 +193,15 @@ class KalmanAlignment(Method):
 
     def solve(self, problem: Problem) -> Estimate:
         """See `Method.solve`."""
+        from schuler.alignment.estimate import inertial_estimate
         from schuler.alignment.stationary.kalman import kalman_alignment
 
-        spec = problem.spec
+        spec, start = problem.spec, None
+        if self.start != "centred":
+            begin = inertial_estimate(Inertial(self.start), replace(problem, at_end=False))
+            start = begin.attitude, begin.covariance
         fine = kalman_alignment(
-            problem.history, problem.site, self, spec, problem.at_end, problem.about
+            problem.history, problem.site, self, spec, problem.at_end, problem.about, start
         )
         known = spec is not None
         return Estimate(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 import click
@@ -14,6 +15,14 @@ from schuler.cli.parameters import Count
 __all__ = ["command"]
 
 
+def check_name(name: str, known: Sequence[str], more: str) -> None:
+    """Refuse a name that no experiment has."""
+    from schuler.errors import InputError
+
+    if name not in known:
+        raise InputError(f"'{name}' is no published experiment; there are {', '.join(known)}{more}")
+
+
 @click.group("published", cls=Group)
 def command() -> None:
     """Redo published experiments: printed, by the document's method, by ours, and the limit.
@@ -21,6 +30,7 @@ def command() -> None:
     \b
       schuler published list
       schuler published run guo2015
+      schuler published run yu_emd --set site.lat=50 --set "gyro.bias=0.1 deg/h"
       schuler published run all --report published.html --json published.json
     """  # noqa: D301
 
@@ -36,6 +46,22 @@ def list_() -> None:
         echo(f"{name:<{width}}  {case['title']}\n{'':<{width}}  {case['citation']}")
 
 
+@command.command("conditions")
+@click.argument("name")
+def conditions_(name: str) -> None:
+    """Say which conditions of the experiment NAME can be set, and what they are."""
+    import json
+
+    from schuler.published import EXPERIMENTS, changeable
+
+    check_name(name, EXPERIMENTS, "")
+    known = changeable(name)
+    width = max(map(len, known))
+    for key, value in known.items():
+        said = "(not said)" if value is None else json.dumps(value, ensure_ascii=False)
+        echo(f"{key:<{width}}  {said}")
+
+
 @command.command("run")
 @click.argument("name")
 @click.option(
@@ -47,23 +73,30 @@ def list_() -> None:
 @click.option(
     "--workers", type=Count(1, 1000), metavar="N", help="Processes; one to a core without it."
 )
+@click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Set a condition of the experiment, as site.lat=50.",
+)
 @json_option("Write the rows as JSON (- : here).")
 @report_option("Write a page.")
 def run_(
-    name: str, runs: int | None, seed: int, workers: int | None, json_to: str | None,
-    report_to: str | None,
+    name: str, runs: int | None, seed: int, workers: int | None, overrides: tuple[str, ...],
+    json_to: str | None, report_to: str | None,
 ) -> None:  # fmt: skip
     """Redo the experiment NAME, several with commas, or all."""
-    from schuler.errors import InputError
-    from schuler.published import EXPERIMENTS, Options, run, to_dict
+    from schuler.config import parse_overrides
+    from schuler.published import EXPERIMENTS, Options, conditions, run, to_dict
 
     names = list(EXPERIMENTS) if name == "all" else [each.strip() for each in name.split(",")]
     for each in names:
-        if each not in EXPERIMENTS:
-            raise InputError(
-                f"'{each}' is no published experiment; there are {', '.join(EXPERIMENTS)}, and all"
-            )
+        check_name(each, EXPERIMENTS, ", and all")
     Options(runs, seed, workers)
+    changes = parse_overrides(overrides)
+    for each in names:
+        conditions(each, changes.items())  # a condition that is not there is said before the work
     if report_to is not None:
         from schuler.reports.page import graph_objects
 
@@ -76,7 +109,9 @@ def run_(
             if shown:
                 click.echo(f"\r\x1b[K{each}: {done} of {of}", err=True, nl=False)
 
-        options: dict[str, Any] = {"runs": runs, "seed": seed, "workers": workers}
+        options: dict[str, Any] = {
+            "runs": runs, "seed": seed, "workers": workers, "changes": changes,
+        }  # fmt: skip
         found.append(run(each, progress=progress, **options))
         if shown:
             click.echo("\r\x1b[K", err=True, nl=False)
@@ -87,4 +122,4 @@ def run_(
     if report_to is not None:
         from schuler.reports.published import published_report
 
-        published_report(to_dict(found), report_to)
+        published_report(to_dict(found), report_to, {each.name: each.figures for each in found})

@@ -2,7 +2,8 @@
 
 An envelope is the natural cubic spline through the extrema of one kind, continued beyond both
 ends of the record by extrema that are mirrored (Rilling, Flandrin and Goncalves, 2003) or
-predicted from the sequence of extrema itself.
+predicted from the sequence of extrema itself: by a weighted fit, or by the pattern of rises and
+falls as Yu, Zhang and Xia have it.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 
 from schuler.kernels._jit import helper, kernel
 
-MIRROR, PREDICT, LINEAR = 0, 1, 2
+MIRROR, PREDICT, LINEAR, PATTERN = 0, 1, 2, 3
 """How the extrema are continued."""
 
 FIXED, STANDARD_DEVIATION, EVOLVED = 0, 1, 2
@@ -23,7 +24,7 @@ PAD = 2
 """Extrema that are added at each end."""
 
 ORDER = 2
-"""Order of the linear predictor."""
+"""Order of the linear predictor of `predict_next`."""
 
 LOOK_BACK = 200
 """Extrema before the end that are searched for likeness."""
@@ -173,6 +174,107 @@ def predict_next(v, other, number, others) -> float:
 
 
 @helper
+def solve_small(a, b) -> bool:
+    """Solve a x = b in place by elimination with pivots; return False where a is singular."""
+    n = b.shape[0]
+    largest = 0.0
+    for i in range(n):
+        for j in range(n):
+            largest = max(largest, abs(a[i, j]))
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(a[i, k]) > abs(a[pivot, k]):
+                pivot = i
+        if abs(a[pivot, k]) <= 1e-9 * largest:
+            return False
+        if pivot != k:
+            for j in range(n):
+                a[k, j], a[pivot, j] = a[pivot, j], a[k, j]
+            b[k], b[pivot] = b[pivot], b[k]
+        for i in range(k + 1, n):
+            factor = a[i, k] / a[k, k]
+            for j in range(k, n):
+                a[i, j] -= factor * a[k, j]
+            b[i] -= factor * b[k]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            b[i] -= a[i, j] * b[j]
+        b[i] /= a[i, i]
+    return True
+
+
+@helper
+def predict_by_pattern(v, other, number, others, order) -> float:
+    """Return the next value of a sequence of extrema by the pattern of rises and falls.
+
+    Past places are kept where both kinds' values rise or fall into them as at the end; of these,
+    those with the more frequent pattern of what comes next. The order + 1 of them that are nearest
+    in value (of both kinds together) fix the order + 1 coefficients of
+
+        v[i + 1] = A_m v[i] + A_(m-1) v[i - 1] + ... + A_0 v[i - m],
+
+    which then gives the next value from the last ones. Where fewer are alike, where they leave the
+    coefficients open, or where the prediction leaves the range of all values by more than that
+    range, the order is one less; without any, the last value stands.
+    """
+    last = number - 1
+    shift = others - number
+    end = last + shift
+    if last < 1 or end < 1 or end >= others:
+        return v[last]
+    rise, o_rise = v[last] > v[last - 1], other[end] > other[end - 1]
+    least, most = v[0], v[0]
+    for i in range(number):
+        least, most = min(least, v[i]), max(most, v[i])
+    begin = max(1, 1 - shift)
+    following = np.full(number, -1, np.int64)
+    counts = np.zeros(4, np.int64)
+    for i in range(begin, last):
+        p = i + shift
+        if p + 1 >= others:
+            continue
+        if (v[i] > v[i - 1]) != rise or (other[p] > other[p - 1]) != o_rise:
+            continue
+        following[i] = 2 * (v[i + 1] > v[i]) + (other[p + 1] > other[p])
+        counts[following[i]] += 1
+    wanted = np.argmax(counts)
+    if counts[wanted] == 0:
+        return v[last]
+    alike = np.empty(counts[wanted], np.int64)
+    distance = np.empty(counts[wanted])
+    kept = 0
+    for i in range(begin, last):
+        if following[i] == wanted:
+            alike[kept] = i
+            distance[kept] = abs(v[i] - v[last]) + abs(other[i + shift] - other[end])
+            kept += 1
+    ranked = np.argsort(distance)
+    for m in range(min(order, last - 1), -1, -1):
+        size = m + 1
+        a, b = np.empty((size, size)), np.empty(size)
+        used = 0
+        for k in range(kept):
+            i = alike[ranked[k]]
+            if used == size:
+                break
+            if i < m:
+                continue
+            for j in range(size):
+                a[used, j] = v[i - j]
+            b[used] = v[i + 1]
+            used += 1
+        if used < size or not solve_small(a, b):
+            continue
+        value = 0.0
+        for j in range(size):
+            value += b[j] * v[last - j]
+        if abs(value - 0.5 * (least + most)) <= 1.5 * (most - least):
+            return value
+    return v[last]
+
+
+@helper
 def spread(index, number, x, flip, v) -> None:
     """Fill v with the values at extrema, in time's order or against it."""
     for i in range(number):
@@ -180,10 +282,13 @@ def spread(index, number, x, flip, v) -> None:
 
 
 @helper
-def predict_beyond(x, high, highs, low, lows, end, t, v, count, kind, own, rest) -> int:
+def predict_beyond(
+    x, high, highs, low, lows, rule, order, end, t, v, count, kind, own, rest
+) -> int:
     """Add predicted extrema of one kind beyond an end; return the new count.
 
-    The next value comes from `predict_next`, the next time from the mean of the last few gaps.
+    The next value comes from `predict_next` or `predict_by_pattern`, the next time from the mean of
+    the last few gaps.
     Values before the very end that lie outside what was predicted are knots themselves.
     """
     n = x.shape[0]
@@ -191,7 +296,10 @@ def predict_beyond(x, high, highs, low, lows, end, t, v, count, kind, own, rest)
     other, others = (low, lows) if kind == 0 else (high, highs)
     spread(which, number, x, end == 0, own)
     spread(other, others, x, end == 0, rest)
-    value = predict_next(own, rest, number, others)
+    if rule == PATTERN:
+        value = predict_by_pattern(own[:number], rest[:others], number, others, order)
+    else:
+        value = predict_next(own, rest, number, others)
     gaps = min(number - 1, 4)
     near = which[0] if end == 0 else which[number - 1]
     far = which[gaps] if end == 0 else which[number - 1 - gaps]
@@ -270,15 +378,15 @@ def envelope(t, v, count, slope, work, out) -> None:
 
 
 @helper
-def knots(x, high, highs, low, lows, rule, kind, t, v, side_t, side_v, own, rest) -> int:
+def knots(x, high, highs, low, lows, rule, order, kind, t, v, side_t, side_v, own, rest) -> int:
     """Fill t, v with the knots of one envelope, ascending; return their number."""
     which, number = (high, highs) if kind == 0 else (low, lows)
     count = 0
     for end in range(2):
         added = 0
-        if rule == PREDICT:
+        if rule in (PREDICT, PATTERN):
             added = predict_beyond(
-                x, high, highs, low, lows, end, side_t, side_v, 0, kind, own, rest
+                x, high, highs, low, lows, rule, order, end, side_t, side_v, 0, kind, own, rest
             )
         elif rule == LINEAR:
             added = extend_line(x, high, highs, low, lows, end, side_t, side_v, 0, kind)
@@ -302,7 +410,7 @@ def knots(x, high, highs, low, lows, rule, kind, t, v, side_t, side_v, own, rest
 
 
 @kernel
-def sift(x, rule, stop, limit, threshold, mode):
+def sift(x, rule, order, stop, limit, threshold, mode):
     """Sift one mode out of a series.
 
     Parameters
@@ -310,7 +418,9 @@ def sift(x, rule, stop, limit, threshold, mode):
     x : (n,) float64
         The series.
     rule : int
-        `MIRROR`, `PREDICT` or `LINEAR`.
+        `MIRROR`, `PREDICT`, `LINEAR` or `PATTERN`.
+    order : int
+        Of the linear predictor of `PATTERN`.
     stop : int
         `FIXED`, `STANDARD_DEVIATION` or `EVOLVED`.
     limit : int
@@ -341,7 +451,9 @@ def sift(x, rule, stop, limit, threshold, mode):
         if highs < 2 or lows < 2:
             break
         for kind in range(2):
-            count = knots(mode, high, highs, low, lows, rule, kind, t, v, side_t, side_v, own, rest)
+            count = knots(
+                mode, high, highs, low, lows, rule, order, kind, t, v, side_t, side_v, own, rest
+            )
             envelope(t, v, count, slope, work, upper if kind == 0 else lower)
         change, power, above, far = 0.0, 0.0, 0, 0
         for i in range(n):

@@ -13,6 +13,7 @@ from schuler.prefilter.gate import Gate
 from schuler.prefilter.hankel import Hankel
 from schuler.prefilter.lowpass import LowPass
 from schuler.prefilter.registry import PREFILTERS, parse_prefilter
+from schuler.prefilter.velocity import VelocityEmd
 from schuler.prefilter.wavelet import Wavelet
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "Hankel",
     "LowPass",
     "Prefilter",
+    "VelocityEmd",
     "Wavelet",
     "ceemdan",
     "decompose",

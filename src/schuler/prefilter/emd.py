@@ -25,7 +25,10 @@ __all__ = ["Emd", "ceemdan", "decompose", "split_index"]
 
 Array = NDArray[np.float64]
 
-ENDS = ("mirror", "predict", "linear")
+ENDS = ("mirror", "predict", "linear", "pattern")
+MOST_ORDER = 12
+"""Largest order of the linear predictor at the ends: more coefficients fit noise alone."""
+
 STOPS = ("fixed", "standard-deviation", "evolved")
 
 
@@ -45,6 +48,11 @@ def _choice(value: str, known: tuple[str, ...], name: str) -> int:
     return known.index(value)
 
 
+def _check_order(order: int) -> None:
+    if not 0 <= order <= MOST_ORDER:
+        raise InputError(f"order must be 0 to {MOST_ORDER}, got {order}")
+
+
 def decompose(
     x: ArrayLike,
     *,
@@ -53,6 +61,7 @@ def decompose(
     threshold: float = 0.001,
     siftings: int = 200,
     modes: int = 24,
+    order: int = 2,
 ) -> Array:
     """Return the intrinsic mode functions of a series and, last, the residual.
 
@@ -60,8 +69,10 @@ def decompose(
     ----------
     x : (n,) array_like
         The series, evenly sampled.
-    ends : {"predict", "mirror", "linear"}
-        How extrema are continued beyond both ends.
+    ends : {"predict", "mirror", "linear", "pattern"}
+        How extrema are continued beyond both ends: by a weighted fit to their likest past, by
+        reflection, on the line through the last two, or by the pattern of rises and falls with
+        an exactly solved predictor (equations 21 and 22 of Yu, Zhang and Xia).
     stop : {"standard-deviation", "fixed", "evolved"}
         When a mode is done: when the last sift took away less than `threshold` of its power;
         after `siftings`; when the mean envelope is below `threshold` of the amplitude at 95 % of
@@ -71,6 +82,8 @@ def decompose(
         Most siftings of a mode.
     modes : int
         Most modes.
+    order : int
+        Of the linear predictor of "pattern", which has one coefficient more.
 
     Returns
     -------
@@ -88,11 +101,12 @@ def decompose(
     rule, when = _choice(ends, ENDS, "ends"), _choice(stop, STOPS, "stop")
     if not (threshold > 0 and siftings >= 1 and modes >= 1):
         raise InputError("threshold, siftings and modes must be positive")
+    _check_order(order)
     rest = series.copy()
     out: list[Array] = []
     while len(out) < modes:
         mode = np.empty_like(rest)
-        if sift(rest, rule, when, siftings, threshold, mode) == 0:
+        if sift(rest, rule, order, when, siftings, threshold, mode) == 0:
             break
         out.append(mode)
         rest = rest - mode
@@ -131,6 +145,7 @@ def ceemdan(
     modes: int = 16,
     siftings: int = 10,
     ends: str = "mirror",
+    order: int = 2,
 ) -> Array:
     """Return the modes of complete ensemble decomposition with adaptive noise, and the residual.
 
@@ -146,7 +161,7 @@ def ceemdan(
         Noises.
     noise : float
         Their standard deviation over that of what they are added to.
-    modes, siftings, ends
+    modes, siftings, ends, order
         As in `decompose`, with a fixed number of siftings.
 
     Raises
@@ -160,11 +175,12 @@ def ceemdan(
     rule = _choice(ends, ENDS, "ends")
     if realisations < 1 or not noise > 0:
         raise InputError("realisations and noise must be positive")
+    _check_order(order)
     white = rng.standard_normal((realisations, len(series)))
 
     def first(y: Array) -> Array:
         mode = np.zeros_like(y)
-        return mode if sift(y, rule, FIXED, siftings, 1.0, mode) else np.zeros_like(y)
+        return mode if sift(y, rule, order, FIXED, siftings, 1.0, mode) else np.zeros_like(y)
 
     rest = series.copy()
     out: list[Array] = []
@@ -190,20 +206,59 @@ def _turns(x: Array) -> int:
     return int(np.count_nonzero(d[1:] * d[:-1] < 0))
 
 
+def check_sifting(ends: str, stop: str, threshold: float, siftings: int, order: int) -> None:
+    """Refuse options that `decompose` does not have.
+
+    Raises
+    ------
+    InputError
+        Naming the choices.
+    """
+    _choice(ends, ENDS, "ends")
+    _choice(stop, STOPS, "stop")
+    _check_order(order)
+    if not (0.0 < threshold < float("inf") and siftings >= 1):
+        raise InputError(f"threshold and siftings must be positive, got {threshold} and {siftings}")
+
+
+def check_clean(clean: int | str) -> None:
+    """Refuse a number of singular components that cannot be.
+
+    Raises
+    ------
+    InputError
+        If it is neither a number of 0 or more nor "gap".
+    """
+    if clean != "gap" and (isinstance(clean, str) or clean < 0):
+        raise InputError(f"clean must be gap or a number of 0 or more, got {clean}")
+
+
+def cleaned(x: Array, clean: int | str, rows: int) -> Array:
+    """Return a series of so many singular components of its Hankel matrix; 0 leaves it as it is."""
+    from schuler.prefilter.hankel import truncate
+
+    if clean == 0:
+        return x
+    return truncate(x, clean, rows if isinstance(clean, str) else max(rows, clean))
+
+
 @dataclass(frozen=True)
 class Emd(Prefilter):
-    """The document's filter: drop the modes up to the least energetic one.
+    """Decompose the force or the rate itself and drop the modes up to the least energetic one.
+
+    A slow mode that is wrongly dropped from a force is integrated twice by what follows. For an
+    alignment take `VelocityEmd`.
 
     Parameters
     ----------
-    ends, stop, threshold, siftings
+    ends, stop, threshold, siftings, order
         As in `decompose`.
     channels : {"accel", "gyro", "both"}
     frame : {"inertial", "body"}
         Where the force is filtered (`each_channel`).
     first : bool
         As in `split_index`.
-    clean : int
+    clean : int or "gap"
         Singular components of the Hankel matrix that are kept first (`Hankel`); 0 is none.
     """
 
@@ -214,17 +269,13 @@ class Emd(Prefilter):
     channels: str = "accel"
     frame: str = "inertial"
     first: bool = True
-    clean: int = 0
+    clean: int | str = 0
+    order: int = 2
 
     def __post_init__(self) -> None:
-        _choice(self.ends, ENDS, "ends")
-        _choice(self.stop, STOPS, "stop")
+        check_sifting(self.ends, self.stop, self.threshold, self.siftings, self.order)
+        check_clean(self.clean)
         check_channels(self.channels, self.frame)
-        if not (0.0 < self.threshold < float("inf") and self.siftings >= 1 and self.clean >= 0):
-            raise InputError(
-                "threshold and siftings must be positive and clean 0 or more, got "
-                f"{self.threshold}, {self.siftings} and {self.clean}"
-            )
 
     def __call__(self, record: ImuRecord) -> ImuRecord:
         """Return the record without its noisy modes.
@@ -234,15 +285,12 @@ class Emd(Prefilter):
         InputError
             For a record that is short or unevenly sampled.
         """
-        from schuler.prefilter.hankel import truncate
-
-        interval = even_interval(record)
+        rows = max(8, round(1.0 / even_interval(record)))
 
         def run(x: Array) -> Array:
-            y = truncate(x, self.clean, window=max(8, round(1.0 / interval))) if self.clean else x
             found = decompose(
-                y, ends=self.ends, stop=self.stop, threshold=self.threshold,
-                siftings=self.siftings,
+                cleaned(x, self.clean, rows), ends=self.ends, stop=self.stop,
+                threshold=self.threshold, siftings=self.siftings, order=self.order,
             )  # fmt: skip
             return np.asarray(found[split_index(found, first=self.first) :].sum(axis=0))
 

@@ -22,14 +22,36 @@ __all__ = ["Hankel", "truncate"]
 Array = NDArray[np.float64]
 
 
-def truncate(x: Array, rank: int, window: int) -> Array:
+def gap_rank(singular: Array) -> int:
+    """Return how many singular values stand before the widest gap, as a ratio of neighbours.
+
+    Parameters
+    ----------
+    singular : (k,) float64
+        Singular values, the largest first.
+
+    Notes
+    -----
+    The gap is looked for in the first half of the values: what lies behind is noise, whose smallest
+    values are a matter of chance and rounding. Without any gap (all values alike) it is the first.
+
+    Examples
+    --------
+    >>> gap_rank(np.array([9.0, 8.0, 7.0, 0.2, 0.19, 0.18, 0.17, 0.16]))
+    3
+    """
+    head = np.maximum(singular[: len(singular) // 2 + 1], 1e-12 * singular[0] + 1e-300)
+    return int(np.argmax(head[:-1] / head[1:])) + 1
+
+
+def truncate(x: Array, rank: int | str, window: int) -> Array:
     """Return a series rebuilt from the strongest singular components of its Hankel matrix.
 
     Parameters
     ----------
     x : (n,) float64
-    rank : int
-        Components that are kept.
+    rank : int or "gap"
+        Components that are kept; "gap": those before the widest gap (`gap_rank`).
     window : int
         Rows of the Hankel matrix, at most half the series.
 
@@ -39,7 +61,8 @@ def truncate(x: Array, rank: int, window: int) -> Array:
         For a rank or window that the series is too short for.
     """
     n = len(x)
-    if not 1 <= rank <= window <= n // 2:
+    least = 2 if isinstance(rank, str) else rank
+    if not 1 <= least <= window <= n // 2:
         raise InputError(
             f"a Hankel filter needs 1 <= rank <= window <= half the samples, got rank {rank}, "
             f"window {window}, {n} samples"
@@ -58,11 +81,12 @@ def truncate(x: Array, rank: int, window: int) -> Array:
             + x[columns + i - 1] * x[columns + i - 1 : columns + window - 1]
         )
         gram[i:, i] = gram[i, i:]
-    _, vectors = np.linalg.eigh(gram)
+    values, vectors = np.linalg.eigh(gram)
+    kept = gap_rank(np.sqrt(np.maximum(values[::-1], 0.0))) if isinstance(rank, str) else rank
     out = np.zeros(n)
     size = 1 << int(np.ceil(np.log2(n + window)))
     spectrum = np.fft.rfft(x, size)
-    for u in vectors[:, -rank:].T:
+    for u in vectors[:, -kept:].T:
         kernel = np.fft.rfft(u, size)
         # Row weights u^T H are a correlation, and spreading them back a convolution.
         weights = np.fft.irfft(spectrum * np.conj(kernel), size)[:columns]
@@ -77,8 +101,8 @@ class Hankel(Prefilter):
 
     Parameters
     ----------
-    rank : int
-        Components that are kept.
+    rank : int or "gap"
+        Components that are kept, or those before the widest gap (`gap_rank`).
     window : float
         Length of a window, s.
     channels : {"accel", "gyro", "both"}
@@ -86,16 +110,18 @@ class Hankel(Prefilter):
         Where the force is filtered (`each_channel`).
     """
 
-    rank: int = 4
+    rank: int | str = 4
     window: float = field(default=4.0, metadata={"unit": "time"})
     channels: str = "accel"
     frame: str = "inertial"
 
     def __post_init__(self) -> None:
         check_channels(self.channels, self.frame)
-        if not (self.rank >= 1 and 0.0 < self.window < float("inf")):
+        known = self.rank == "gap" if isinstance(self.rank, str) else self.rank >= 1
+        if not (known and 0.0 < self.window < float("inf")):
             raise InputError(
-                f"rank must be 1 or more and window positive, got {self.rank} and {self.window}"
+                "rank must be 1 or more, or gap, and window positive, got "
+                f"{self.rank} and {self.window}"
             )
 
     def __call__(self, record: ImuRecord) -> ImuRecord:
@@ -106,7 +132,8 @@ class Hankel(Prefilter):
         InputError
             For a record that is short or unevenly sampled.
         """
-        rows = max(self.rank, round(self.window / even_interval(record)))
+        least = 2 if isinstance(self.rank, str) else self.rank
+        rows = max(least, round(self.window / even_interval(record)))
         return each_channel(
             record, self.channels, self.frame, lambda x: truncate(x, self.rank, rows)
         )

@@ -1,10 +1,11 @@
 """Low-pass filters that start as if they had always run.
 
 A causal filter that begins at zero spends its first time constants rising to gravity. It begins
-instead with what gravity alone would have made of the force before the record: the straight line
-through its first minutes, continued backwards. The mean of a second would hold the vehicle's motion
-itself, and a transient of twenty seconds of it. The zero-phase form runs both ways and does not
-delay.
+instead with what gravity alone would have made of the force before the record: a straight line
+whose integral fits the velocity of the first minutes, continued backwards. In the inertial frame
+gravity is such a line over minutes, and the vehicle's bounded velocity drops out of the fit; no
+latitude is needed. The mean of a second would hold the vehicle's motion itself, and a transient of
+twenty seconds of it. The zero-phase form runs both ways and does not delay.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ class LowPass(Prefilter):
     zero_phase : bool
         Run forward and backward: no delay, twice the attenuation, not causal.
     start_span : float
-        The line through so much of the record (s) is what the filter starts from; in the inertial
-        frame gravity is a line over minutes.
+        The line of so much of the record (s) is what the filter starts from; in the inertial frame
+        gravity is a line over minutes. Of less than a third of the filter's memory it is the mean.
     channels : {"accel", "gyro", "both"}
     frame : {"inertial", "body"}
         Where the force is filtered (`each_channel`).
@@ -139,12 +140,22 @@ class LowPass(Prefilter):
 
 
 def _line(x: Array, ahead: int) -> Array:
-    """Return the straight line through samples, continued by so many before the first, (ahead,)."""
+    """Return the straight line through samples, continued by so many before the first, (ahead,).
+
+    It is the line whose integral fits that of the samples best, with an unknown offset: a vehicle
+    that stays where it is has a bounded velocity, so that its motion averages out of the line
+    faster than out of one that is fitted to the force.
+    """
     n = len(x)
-    k = np.arange(n) - 0.5 * (n - 1)
     # From much less than is continued by, a slope would be noise.
-    slope = float(k @ x) / float(k @ k) if 3 * n >= ahead else 0.0
-    return np.asarray(x.mean() + slope * (np.arange(-ahead, 0) - 0.5 * (n - 1)))
+    if 3 * n < ahead:
+        return np.full(ahead, x.mean())
+    mean = float(x.mean())
+    integral = np.concatenate([[0.0], np.cumsum(x - mean)])
+    t = np.linspace(-1.0, 1.0, n + 1)
+    _, first, second = np.polynomial.polynomial.polyfit(t, integral, 2)
+    before = 2.0 * (np.arange(-ahead, 0) + 0.5) / n - 1.0
+    return np.asarray(mean + (first + 2.0 * second * before) * 2.0 / n)
 
 
 class LowPassStream:

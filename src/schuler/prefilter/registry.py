@@ -12,6 +12,7 @@ from schuler.prefilter.emd import Emd
 from schuler.prefilter.gate import Gate
 from schuler.prefilter.hankel import Hankel
 from schuler.prefilter.lowpass import LowPass
+from schuler.prefilter.velocity import VelocityEmd
 from schuler.prefilter.wavelet import Wavelet
 
 __all__ = ["PREFILTERS", "parse_prefilter"]
@@ -21,6 +22,8 @@ PREFILTERS: Registry[Prefilter] = Registry(
     "prefilter", Prefilter, "schuler.prefilters",
     lambda: {
         "emd": Emd(),
+        "emd-velocity": VelocityEmd(),
+        "emd-velocity-improved": VelocityEmd(ends="pattern", clean=20),
         "gate": Gate(),
         "gate-printed": Gate(two_sided=False),
         "hankel": Hankel(),

@@ -6,14 +6,33 @@ figure of ours is stored: each is computed when it is asked for.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from typing import Any
 
 from schuler.errors import InputError
-from schuler.published.result import Experiment, Options, Row, conditions
+from schuler.published.result import (
+    Curve,
+    Experiment,
+    Figure,
+    Options,
+    Row,
+    changeable,
+    conditions,
+)
 
-__all__ = ["EXPERIMENTS", "Experiment", "Options", "Row", "conditions", "run", "to_dict"]
+__all__ = [
+    "EXPERIMENTS",
+    "Curve",
+    "Experiment",
+    "Figure",
+    "Options",
+    "Row",
+    "changeable",
+    "conditions",
+    "run",
+    "to_dict",
+]
 
 #: names, in the order in which they are run
 EXPERIMENTS = ("guo2015", "fang2006", "yu_emd", "du2016", "xu2017")
@@ -22,6 +41,7 @@ EXPERIMENTS = ("guo2015", "fang2006", "yu_emd", "du2016", "xu2017")
 def run(
     name: str, *, runs: int | None = None, seed: int = 0, workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
+    changes: Mapping[str, Any] | None = None,
 ) -> Experiment:  # fmt: skip
     """Redo a published experiment.
 
@@ -31,16 +51,21 @@ def run(
         One of `EXPERIMENTS`.
     runs, seed, workers, progress
         As in `Options`.
+    changes : mapping of str to value, optional
+        Conditions that are other than the document's, as ``{"site.lat": 50.0}``; `changeable`
+        has them all.
 
     Raises
     ------
     InputError
-        For an unknown name, or options that cannot be.
+        For an unknown name, or options or conditions that cannot be.
     """
     if name not in EXPERIMENTS:
         raise InputError(f"'{name}' is no published experiment; there are {', '.join(EXPERIMENTS)}")
+    changed = tuple((changes or {}).items())
+    conditions(name, changed)
     module = import_module(f"schuler.published.{name}")
-    found: Experiment = module.run(Options(runs, seed, workers, progress))
+    found: Experiment = module.run(Options(runs, seed, workers, progress, changed))
     return found
 
 

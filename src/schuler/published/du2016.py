@@ -9,7 +9,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.modulation import RotationCase, end_errors, turned
 from schuler.motion import Limits, Scheme, named_scheme
-from schuler.published.result import Experiment, Options, Row, conditions, experiment
+from schuler.published.result import (
+    Curve,
+    Experiment,
+    Figure,
+    Options,
+    Row,
+    conditions,
+    experiment,
+)
 from schuler.sensors import Lifetime, Reliability, named_array
 
 __all__ = ["end_distance", "run"]
@@ -37,7 +45,8 @@ def _reliability_rows(case: dict[str, Any]) -> list[Row]:
             more / mtbf["triad"], note=text),
         Row("mean life over three and a duplicate", "1", printed["over_duplicate"],
             four / mtbf["triad-plus-one"], more / mtbf["triad-plus-one"], note=text),
-        Row("mean life", "h", printed["mtbf_h"], four, more, note=text),
+        Row("mean life", "h", None, four, more,
+            note=f"{text}; one gyro: {case['array']['life_h']:g} h"),
     ]  # fmt: skip
     for name in case["array"]["names"]:
         array = named_array(name)
@@ -62,8 +71,12 @@ def run(options: Options) -> Experiment:
     options : Options
         Nothing is random here.
     """
-    data = conditions("du2016")
-    case = RotationCase.from_dict(data["case"], "du2016")
+    data = conditions("du2016", options.changes)
+    case = RotationCase.from_dict(
+        {**data["simulation"],
+         **{key: data[key] for key in ("site", "errors", "single_axis", "two_axis")}},
+        "du2016",
+    )  # fmt: skip
     fixed = named_scheme("fixed")
     from_end = named_scheme("reciprocating-from-end", limits=case.single.limits)
     schemes = {"fixed": fixed, "single": case.single, "end": from_end, "double": case.double}
@@ -75,7 +88,9 @@ def run(options: Options) -> Experiment:
         return {name: 100.0 * (1.0 - way[name] / way["fixed"]) for name in ("single", "end",
                                                                             "double")}  # fmt: skip
 
-    for k, (lat, psi) in enumerate(data["headings"]["places"]):
+    places = [(case.site.lat, psi) for psi in data["headings"]["psi"]]
+    places += [(lat, psi) for lat, psi in data["headings"]["places"]]
+    for k, (lat, psi) in enumerate(places):
         cut = reductions(lat, psi)
         rows.append(
             Row(f"error of 8 h less by, latitude {lat:g}, psi {psi:g}", "%",
@@ -100,4 +115,11 @@ def run(options: Options) -> Experiment:
         )  # fmt: skip
     if options.progress is not None:
         options.progress(1, 1)
-    return experiment(data, "du2016", 1, rows)
+    figure = Figure(
+        f"Position error of 8 h by heading, latitude {case.site.lat:g} deg",
+        "psi, counter-clockwise from north, deg", "error less than without rotation by, %",
+        (Curve("single axis", psi, cut["single"]),
+         Curve("single axis, from an end of its travel", psi, cut["end"]),
+         Curve("two axes", psi, cut["double"])),
+    )  # fmt: skip
+    return experiment(data, "du2016", options, 1, rows, (figure,))

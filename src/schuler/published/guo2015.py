@@ -14,31 +14,35 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.alignment import Inertial, align, inertial_frame_error, limit
+from schuler.alignment import align, inertial_frame_error, limit
 from schuler.alignment.history import inertial_to_local
 from schuler.attitude import euler_to_quat, quat_to_matrix, rotate
 from schuler.constants import ARCMIN, DEG, DEG_PER_HOUR, MICRO_G
 from schuler.earth import Site
-from schuler.motion import DisturbedVehicle, Static
-from schuler.motion.vehicle import Crew
-from schuler.prefilter import Gate, LowPass
-from schuler.prefilter.base import Prefilter, held_frame
+from schuler.errors import InputError
+from schuler.motion import Static
+from schuler.prefilter.base import held_frame
+from schuler.published.guo2015_gate import gate_block, gate_rows
 from schuler.published.result import (
+    Curve,
     Experiment,
+    Figure,
     Options,
     Row,
+    call,
     conditions,
     each_run,
     experiment,
-    misalignment,
 )
 from schuler.record import ImuRecord
-from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec, load_spec
+from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
 from schuler.simulation import Simulation, simulate
 
-__all__ = ["READINGS", "instants", "run", "two_instants"]
+__all__ = ["READINGS", "fitted_conditions", "instants", "run", "two_instants"]
 
 Array = NDArray[np.float64]
+
+Changes = tuple[tuple[str, Any], ...]
 
 AXES = "xyz"
 NOISES = ("per root hertz", "per sample")
@@ -131,8 +135,9 @@ class _Case:
     step: float
 
     @classmethod
+    @cache
     def of(cls, number: int, noise: str) -> _Case:
-        case = conditions("guo2015")
+        case = conditions("guo2015")  # the table's columns cannot be changed, nor its step
         table, step = case["case"][number], float(case["simulation"]["step"])
         more = 1.0 if noise == "per sample" else step**-0.5
         return cls(
@@ -168,22 +173,68 @@ class _Case:
 
 
 @cache
-def _still(span: str) -> tuple[Simulation, Site]:
-    """Return an error-free record under the recovered conditions."""
+def fitted_conditions() -> dict[str, Any]:
+    """Return the latitude and the attitude that give the twelve printed numbers of theory.
+
+    Least squares of equations 36 to 38, from a grid of starts over latitude and heading.
+
+    Returns
+    -------
+    dict
+        "lat", deg; "euler_deg", psi, theta, gamma; "largest", the largest difference, arcmin.
+    """
+    from scipy.optimize import least_squares
+
+    table = conditions("guo2015")["case"]
+    printed = np.array([case["theory"] for case in table])
+
+    def difference(x: Array) -> Array:
+        where = {"lat": float(x[0]), "euler_deg": x[1:]}
+        rows = [_theory(where, number) for number in range(len(table))]
+        return np.ravel(np.array(rows) - printed)
+
+    low, high = [1.0, -360.0, -60.0, -60.0], [80.0, 360.0, 60.0, 60.0]
+    fits = [
+        least_squares(difference, [lat, psi, 0.0, 0.0], bounds=(low, high), xtol=1e-12)
+        for lat in (20.0, 40.0, 60.0)
+        for psi in (-135.0, -45.0, 45.0, 135.0)
+    ]
+    best = min(fits, key=lambda fit: float(fit.cost))
+    lat, psi, theta, gamma = (float(v) for v in best.x)
+    psi = (psi + 180.0) % 360.0 - 180.0
+    return {
+        "lat": lat, "euler_deg": [psi, theta, gamma], "largest": float(np.abs(best.fun).max()),
+    }  # fmt: skip
+
+
+def _where(changes: Changes) -> dict[str, Any]:
+    """Return the latitude and the attitude of the simulation: the fit's, or those that are set."""
+    return {**fitted_conditions(), **conditions("guo2015", changes).get("site", {})}
+
+
+@cache
+def _still(span: str, lat: float, euler_deg: tuple[float, ...]) -> tuple[Simulation, Site]:
+    """Return an error-free record of a length of Table 1."""
     case = conditions("guo2015")
-    psi, pitch, roll = case["recovered"]["euler_deg"]
-    site, step = Site(case["recovered"]["lat"]), case["simulation"]["step"]
+    psi, pitch, roll = euler_deg
+    site, step = Site(lat), case["simulation"]["step"]
     motion = Static(-psi, pitch, roll)
     return simulate(motion, site, case["simulation"][span], 1.0 / step), site
 
 
-def _block(number: int, first: int, last: int, runs: int, seed: int) -> dict[Any, Array]:
+def _record(span: str, where: dict[str, Any]) -> tuple[Simulation, Site]:
+    return _still(span, where["lat"], tuple(where["euler_deg"]))
+
+
+def _block(
+    number: int, first: int, last: int, runs: int, seed: int, changes: Changes
+) -> dict[Any, Array]:
     """Return phi in i0, arcmin, of runs `first` to `last` of a case by every reading."""
-    long, site = _still("long")
+    long, site = _record("long", _where(changes))
     truth = quat_to_matrix(long.truth.known("quat_nb")[0])
     start = inertial_to_local(0.0, site.latitude)
     true = start.T @ truth
-    settings = conditions("guo2015")
+    settings = conditions("guo2015", changes)
     duration = {span: settings["simulation"][span] for span in ("short", "long")}
     every = max(1, runs // settings["best_runs"])
     cases = {noise: _Case.of(number, noise) for noise in NOISES}
@@ -217,9 +268,9 @@ def _theory(where: dict[str, Any], number: int, span_sum: float = 0.0) -> Array:
     return inertial_frame_error(site, quat, case.eps, nabla, span_sum) / ARCMIN
 
 
-def _limit(number: int, noise: str, span: str) -> Array:
+def _limit(number: int, noise: str, span: str, where: dict[str, Any]) -> Array:
     """Return the limit of the spread about the biases' error in i0, arcmin."""
-    case, (made, site) = _Case.of(number, noise), _still(span)
+    case, (made, site) = _Case.of(number, noise), _record(span, where)
     bound = limit(case.spec(), site, made.record.duration, case.step)
     start = inertial_to_local(0.0, site.latitude)
     return np.asarray(np.sqrt(np.diag(start.T @ bound @ start)) / ARCMIN)
@@ -243,46 +294,81 @@ def run(options: Options) -> Experiment:
     Parameters
     ----------
     options : Options
+
+    Raises
+    ------
+    InputError
+        For a place or an attitude that cannot be.
     """
-    case = conditions("guo2015")
+    case, where = conditions("guo2015", options.changes), _where(options.changes)
+    if len(where["euler_deg"]) != 3:
+        raise InputError("guo2015: site.euler_deg has three angles: psi, theta, gamma")
+    _record("long", where)
     table, runs = case["case"], options.runs or case["runs"]
     gate_runs = min(runs, case["gate_runs"])
     jobs: list[tuple[Any, ...]] = [
-        (_block, number, a, min(a + _BLOCK, runs), runs, options.seed)
+        (_block, number, a, min(a + _BLOCK, runs), runs, options.seed, options.changes)
         for number in range(len(table))
         for a in range(0, runs, _BLOCK)
     ]
     jobs += [
-        (_gate_block, a, min(a + _BLOCK, gate_runs), options.seed)
+        (gate_block, a, min(a + _BLOCK, gate_runs), options.seed, options.changes)
         for a in range(0, gate_runs, _BLOCK)
     ]
-    done = list(each_run(_call, jobs, options))
+    done = list(each_run(call, jobs, options))
     found: dict[int, dict[Any, Array]] = {}
     gate: list[dict[str, Array]] = []
     for job, part in zip(jobs, done, strict=True):
-        if job[0] is _gate_block:
+        if job[0] is gate_block:
             gate.append(part)
             continue
         whole = found.setdefault(job[1], {})
         for key, value in part.items():
             whole[key] = value if key not in whole else np.concatenate([whole[key], value])
-    rows = _table_rows(case, found)
-    rows += _gate_rows(case, {k: np.concatenate([g[k] for g in gate]) for k in gate[0]})
-    return experiment(case, "guo2015", runs, rows)
+    rows = _table_rows(case, found, where)
+    rows += gate_rows(case, {k: np.concatenate([g[k] for g in gate]) for k in gate[0]})
+    return experiment(case, "guo2015", options, runs, rows, _figures(case, found, where))
 
 
-def _call(function: Any, *arguments: Any) -> Any:
-    return function(*arguments)
+def _figures(
+    case: dict[str, Any], found: dict[int, dict[Any, Array]], where: dict[str, Any]
+) -> list[Figure]:
+    """Draw theory by case, and the azimuth error of the first case by the pair of instants."""
+    number = np.arange(1, len(case["case"]) + 1, dtype=np.float64)
+    theory = Figure(
+        "Theory of Table 1 (equations 36 to 38), phi_x", "case, number", "phi_x, arcmin",
+        tuple(
+            Curve(name, number, np.array([rows[0] for rows in each]))
+            for name, each in (
+                ("as printed", [np.array(c["theory"]) for c in case["case"]]),
+                ("fitted conditions", [_theory(where, k) for k in range(len(number))]),
+                ("printed conditions",
+                 [_theory(case["printed"], k) for k in range(len(number))]),
+            )
+        ),
+    )  # fmt: skip
+    runs = len(found[0][READINGS[0]])
+    run = np.arange(1, runs + 1, dtype=np.float64)
+    spread = Figure(
+        "Azimuth error of each run, case 1, noise per root hertz, TRIAD",
+        "run, number (the pairs of instants move through their spans)", "phi_z, arcmin",
+        tuple(
+            Curve(span, run, found[0][NOISES[0], span, FORMS[1]][:, 2]) for span in SPANS
+        ),
+    )  # fmt: skip
+    return [theory, spread]
 
 
-def _table_rows(case: dict[str, Any], found: dict[int, dict[Any, Array]]) -> list[Row]:
+def _table_rows(
+    case: dict[str, Any], found: dict[int, dict[Any, Array]], where: dict[str, Any]
+) -> list[Row]:
     table = case["case"]
     rows = []
     for k, printed in enumerate(table):
-        recovered, as_printed = (_theory(case[w], k) for w in ("recovered", "printed"))
+        recovered, as_printed = _theory(where, k), _theory(case["printed"], k)
         rows += [
             Row(f"case {k + 1}, theory phi_{AXES[i]}", "arcmin", printed["theory"][i], recovered[i],
-                note=f"recovered conditions; the printed conditions give {as_printed[i]:.2f}")
+                note=f"{_said(where)}; the printed conditions give {as_printed[i]:.2f}")
             for i in range(3)
         ]  # fmt: skip
     off = {reading: _departures(found, table, reading) for reading in READINGS}
@@ -293,7 +379,7 @@ def _table_rows(case: dict[str, Any], found: dict[int, dict[Any, Array]]) -> lis
         phi, best = found[k][nearest], found[k].get((noise, kind), None)
         sums = [sum(instants(span, (j + 0.5) / len(phi), case["simulation"][kind]))
                 for j in range(len(phi))]  # fmt: skip
-        theory = np.mean([_theory(case["recovered"], k, s) for s in sums], axis=0)
+        theory = np.mean([_theory(where, k, s) for s in sums], axis=0)
         error = phi.std(axis=0, ddof=1) / np.sqrt(len(phi))
         rows += [
             Row(f"case {k + 1}, mean phi_{AXES[i]}", "arcmin", printed["mean"][i],
@@ -302,7 +388,7 @@ def _table_rows(case: dict[str, Any], found: dict[int, dict[Any, Array]]) -> lis
                 "standard errors off")
             for i in range(3)
         ]  # fmt: skip
-        bound = _limit(k, noise, kind)
+        bound = _limit(k, noise, kind, where)
         rows += [
             Row(f"case {k + 1}, std phi_{AXES[i]}", "arcmin", printed["std"][i],
                 phi[:, i].std(ddof=1), None if best is None else best[:, i].std(ddof=1), bound[i],
@@ -320,7 +406,7 @@ def _table_rows(case: dict[str, Any], found: dict[int, dict[Any, Array]]) -> lis
         noise, span, form = reading
         spread = found[0][reading].std(axis=0, ddof=1)
         best = found[0][noise, SPANS[span]].std(axis=0, ddof=1)
-        bound = _limit(0, noise, SPANS[span])
+        bound = _limit(0, noise, SPANS[span], where)
         far = ", ".join(f"{x:+.1f}" for x in off[reading])
         rows += [
             Row(f"case 1, std phi_{AXES[i]}: {noise}, {span}, {form}", "arcmin",
@@ -331,55 +417,6 @@ def _table_rows(case: dict[str, Any], found: dict[int, dict[Any, Array]]) -> lis
     return rows
 
 
-def _gate_block(first: int, last: int, seed: int) -> dict[str, Array]:
-    """Return phi, arcmin, of runs of a disturbed vehicle by each filter, and what was rejected."""
-    case = conditions("guo2015")
-    settings = case["gate"]
-    site, spec = Site(case["printed"]["lat"]), load_spec(settings["grade"])
-    low = LowPass(settings["cutoff"])
-    gates = {
-        name: Gate(settings["width"], two_sided=two, gravity=site.gravity)
-        for name, two in (("gate as printed", False), ("two-sided gate", True))
-    }
-    chains: dict[str, Prefilter] = {"low-pass alone": low}
-    chains |= {name: low | gate for name, gate in gates.items()}
-    out: dict[str, list[Any]] = {}
-    for k in range(first, last):
-        rng = np.random.default_rng([seed, 44, k])
-        crew = Crew(**settings["crew"])
-        motion = DisturbedVehicle.with_crew(
-            rng, settings["duration"], crew, heading=rng.uniform(0, 360)
-        )
-        made = simulate(motion, site, settings["duration"], settings["rate"], spec, rng)
-        true = made.truth.known("quat_nb")[-1]
-        for name, chain in chains.items():
-            method = Inertial(settings["estimator"], prefilter=chain)
-            fix = align(made.record, site, method, spec)
-            out.setdefault(name, []).append(misalignment(fix.quat_nb, true))
-        fix = align(made.record, site, spec=spec)
-        out.setdefault("default", []).append(misalignment(fix.quat_nb, true))
-        out.setdefault("limit", []).append(fix.limit_arcmin)
-        passed = low(made.record)
-        for name, gate in gates.items():
-            out.setdefault(f"rejected: {name}", []).append(np.mean(gate.rejected(passed)))
-    return {key: np.array(value) for key, value in out.items()}
-
-
-def _gate_rows(case: dict[str, Any], found: dict[str, Array]) -> list[Row]:
-    settings = case["gate"]
-    best, bound = found["default"].std(axis=0, ddof=1), np.sqrt(np.mean(found["limit"] ** 2, 0))
-    rows = []
-    for name, printed in (
-        ("low-pass alone", settings["lowpass_std"]),
-        ("gate as printed", settings["gated_std"]),
-        ("two-sided gate", [None] * 3),
-    ):
-        spread = found[name].std(axis=0, ddof=1)
-        share = found.get(f"rejected: {name}")
-        note = "" if share is None else f"the gate rejects {100 * share.mean():.1f} % of samples"
-        rows += [
-            Row(f"disturbed vehicle, std {what}: {name}", "arcmin", printed[i], spread[i], best[i],
-                bound[i], note)
-            for i, what in enumerate(("tilt east", "tilt north", "azimuth"))
-        ]  # fmt: skip
-    return rows
+def _said(where: dict[str, Any]) -> str:
+    psi, theta, gamma = where["euler_deg"]
+    return f"lat {where['lat']:.2f}, (psi, theta, gamma) ({psi:.2f}, {theta:.2f}, {gamma:.2f}) deg"

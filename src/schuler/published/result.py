@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib.resources import files
 from typing import Any, TypeVar
 
@@ -15,8 +15,21 @@ from schuler._notebook import Shown
 from schuler.attitude import multiply, quat_to_rotvec
 from schuler.constants import ARCMIN
 from schuler.errors import InputError
+from schuler.sensors import ImuSpec, load_spec
 
-__all__ = ["Experiment", "Options", "Row", "conditions", "each_run", "misalignment"]
+__all__ = [
+    "Curve",
+    "Experiment",
+    "Figure",
+    "Options",
+    "Row",
+    "changeable",
+    "conditions",
+    "each_run",
+    "instrument",
+    "misalignment",
+    "rms_error",
+]
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -55,6 +68,43 @@ class Row:
             object.__setattr__(self, name, None if value is None else float(value))
 
 
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One line of a figure.
+
+    Parameters
+    ----------
+    name : str
+    x, y : (n,) float64
+        In the units that the figure's axes name.
+    """
+
+    name: str
+    x: Array
+    y: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """A figure of an experiment, drawn from what was computed.
+
+    Parameters
+    ----------
+    title : str
+    x, y : str
+        What the axes show, with units.
+    curves : tuple of Curve
+    log_y : bool
+        Whether the second axis is logarithmic.
+    """
+
+    title: str
+    x: str
+    y: str
+    curves: tuple[Curve, ...]
+    log_y: bool = False
+
+
 @dataclass(frozen=True)
 class Experiment(Shown):
     """A repeated experiment.
@@ -67,6 +117,8 @@ class Experiment(Shown):
     runs : int
         Independent runs to each random figure.
     rows : tuple of Row
+    figures : tuple of Figure
+        What its page draws; not part of the JSON.
     """
 
     name: str
@@ -75,6 +127,7 @@ class Experiment(Shown):
     errata: tuple[str, ...]
     runs: int
     rows: tuple[Row, ...] = field(repr=False)
+    figures: tuple[Figure, ...] = field(default=(), repr=False)
 
     def row(self, quantity: str) -> Row:
         """Return the row of a quantity.
@@ -132,12 +185,16 @@ class Options:
         Processes; as many as there are cores when not given. Figures do not depend on it.
     progress : callable, optional
         Called with the number of jobs done and of all.
+    changes : tuple of (str, value)
+        Conditions that are other than the document's, as ``("site.lat", 50.0)``; see
+        `changeable`.
     """
 
     runs: int | None = None
     seed: int = 0
     workers: int | None = None
     progress: Callable[[int, int], None] | None = None
+    changes: tuple[tuple[str, Any], ...] = ()
 
     def __post_init__(self) -> None:
         if self.runs is not None and self.runs < 2:
@@ -148,16 +205,124 @@ class Options:
             raise InputError(f"a seed is a number of 0 or more, got {self.seed}")
 
 
-def conditions(name: str) -> dict[str, Any]:
-    """Return the conditions of an experiment, and what its document prints, from its TOML."""
+def _read(name: str) -> dict[str, Any]:
     text = files("schuler.published").joinpath("data", f"{name}.toml").read_text(encoding="utf-8")
     return tomllib.loads(text)
 
 
-def experiment(case: dict[str, Any], name: str, runs: int, rows: Sequence[Row]) -> Experiment:
-    """Put an experiment together."""
+_FIXED = ("title", "citation", "errata", "printed", "case", "runs", "optional")
+"""What a document says, and what has an option of its own."""
+
+
+def changeable(name: str) -> dict[str, Any]:
+    """Return the conditions of an experiment that can be changed, with their values.
+
+    A condition that nothing is said of (what the instrument's grade has) is None.
+    """
+    out: dict[str, Any] = {}
+
+    def walk(table: dict[str, Any], prefix: str) -> None:
+        for key, value in table.items():
+            if isinstance(value, dict):
+                walk(value, f"{prefix}{key}.")
+            elif not (isinstance(value, list) and value and isinstance(value[0], dict)):
+                out[f"{prefix}{key}"] = value
+
+    data = _read(name)
+    walk({key: value for key, value in data.items() if key not in _FIXED}, "")
+    for key in data.get("optional", {}):
+        out.setdefault(key, None)
+    return out
+
+
+def _fits(value: Any, own: Any) -> bool:
+    """Whether a value is of the kind that a condition has."""
+    if isinstance(own, bool) or isinstance(value, bool):
+        return isinstance(own, bool) and isinstance(value, bool)
+    if isinstance(own, int | float):
+        return isinstance(value, int | float) and np.isfinite(value)
+    if isinstance(own, list):
+        return isinstance(value, list) and bool(value) and all(_fits(v, own[0]) for v in value)
+    return isinstance(value, type(own))
+
+
+def conditions(name: str, changes: Iterable[tuple[str, Any]] = ()) -> dict[str, Any]:
+    """Return the conditions of an experiment, and what its document prints, from its TOML.
+
+    Parameters
+    ----------
+    name : str
+    changes : iterable of (str, value)
+        Conditions to set, as ``("site.lat", 50.0)``.
+
+    Raises
+    ------
+    InputError
+        For a condition that the experiment does not have, or a value of another kind.
+    """
+    data = _read(name)
+    known = changeable(name)
+    for key, value in changes:
+        if key not in known:
+            raise InputError(
+                f"{name} has no condition '{key}' that can be set; it has {', '.join(known)}"
+            )
+        own = known[key] if known[key] is not None else data["optional"][key]
+        if not _fits(value, own):
+            raise InputError(f"{name}: {key} must be like {own!r}, got {value!r}")
+        table = data
+        *path, last = key.split(".")
+        for part in path:
+            table = table.setdefault(part, {})
+        table[last] = value
+    return data
+
+
+def instrument(case: dict[str, Any], name: str) -> ImuSpec:
+    """Return the instrument of an experiment: its grade, and what [gyro] and [accelerometer] say.
+
+    Raises
+    ------
+    InputError
+        For a value without a unit or of another dimension, or a key that no instrument has.
+    """
+    given = {part: case.get(part, {}) for part in ("gyro", "accelerometer")}
+    told = ImuSpec.from_dict(given, name)
+    grade = load_spec(case.get("simulation", {}).get("grade"))
+    if grade is None:
+        return told
+
+    def over(own: Any, new: Any, keys: Iterable[str]) -> Any:
+        return replace(own, **{key: getattr(new, key) for key in keys})
+
+    return replace(
+        grade, gyro=over(grade.gyro, told.gyro, given["gyro"]),
+        accelerometer=over(grade.accelerometer, told.accelerometer, given["accelerometer"]),
+    )  # fmt: skip
+
+
+def rms_error(errors: ArrayLike) -> tuple[float, float]:
+    """Return the rms of errors of independent runs, and its standard error.
+
+    The latter is that of the mean square, divided by twice the rms: it needs no normal numbers.
+    """
+    squares = np.asarray(errors, np.float64) ** 2
+    rms = float(np.sqrt(squares.mean()))
+    spread = float(squares.std(ddof=1)) / np.sqrt(len(squares))
+    return rms, 0.0 if rms == 0.0 else spread / (2.0 * rms)
+
+
+def experiment(
+    case: dict[str, Any], name: str, options: Options, runs: int, rows: Sequence[Row],
+    figures: Sequence[Figure] = (),
+) -> Experiment:  # fmt: skip
+    """Put an experiment together; conditions that were changed are said first."""
+    errata = tuple(case["errata"])
+    if options.changes:
+        said = ", ".join(f"{key} = {value}" for key, value in options.changes)
+        errata = (f"Changed conditions: {said}. The printed figures are for others.", *errata)
     return Experiment(
-        name, case["title"], case["citation"], tuple(case["errata"]), runs, tuple(rows)
+        name, case["title"], case["citation"], errata, runs, tuple(rows), tuple(figures)
     )
 
 
@@ -201,6 +366,11 @@ def each_run(
         for k, future in enumerate(futures, 1):
             yield future.result()
             tell(k)
+
+
+def call(function: Callable[..., T], *arguments: Any) -> T:
+    """Call a function: a job of `each_run` where jobs have functions of their own."""
+    return function(*arguments)
 
 
 def misalignment(found: ArrayLike, true: ArrayLike) -> Array:

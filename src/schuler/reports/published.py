@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
 
-from schuler.reports.figures import BLUE, GREEN, GREY, ORANGE, figure_of, plot_layout
+from schuler.reports.figures import BLUE, GREEN, GREY, ORANGE, PURPLE, figure_of, plot_layout
 from schuler.reports.page import Drawing, Section, graph_objects, write_page
 
 __all__ = ["published_report"]
+
+_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, GREY)
+_DASHES = ("solid", "dash", "dot")
 
 _KEYS = ("printed", "document_method", "best", "limit")
 _HEADS = ("printed", "by its method", "by schuler", "limit")
@@ -40,38 +43,66 @@ def _table(found: Mapping[str, Any]) -> str:
     )
 
 
-def _drawing(name: str, found: Mapping[str, Any]) -> Drawing | None:
-    """Draw the rows that have two figures at least, each over its printed one or the document's."""
+def _drawings(name: str, found: Mapping[str, Any]) -> list[Drawing]:
+    """Draw all rows, a drawing for each unit.
+
+    Where a figure is nought or negative the axis is linear, so that none is left out.
+    """
     go = graph_objects()
-    rows = [row for row in found["rows"] if sum(v is not None for v in _values(row)) > 1]
-    # Spreads and errors fill a logarithmic axis; signed figures are for the table.
-    rows = [row for row in rows if all(v is None or v > 0 for v in _values(row))]
-    if not rows:
-        return None
-    names = [f"{row['quantity']}, {row['unit']}" for row in rows]
     marks = (("diamond", ORANGE), ("circle", GREY), ("square", BLUE), ("line-ns-open", GREEN))
-    traces: list[Any] = []
-    for k, (head, (symbol, colour)) in enumerate(zip(_HEADS, marks, strict=True)):
-        picked = [(_values(row)[k], name) for row, name in zip(rows, names, strict=True)]
-        picked = [(v, name) for v, name in picked if v is not None]
-        if picked:
-            traces.append(
-                go.Scatter(
-                    x=[v for v, _ in picked], y=[name for _, name in picked], mode="markers",
-                    name=head, hovertemplate="%{x:.4g}",
-                    marker={"symbol": symbol, "color": colour, "size": 9,
-                            "line": {"width": 2, "color": colour}},
-                )
-            )  # fmt: skip
-    layout = plot_layout(max(260, 90 + 24 * len(rows)), "", "")
-    layout["xaxis"].update(type="log")
-    layout["yaxis"].update(autorange="reversed", automargin=True)
-    layout["hovermode"] = "y unified"
-    text = "Printed figures beside ours and the limit, on a logarithmic axis."
-    return Drawing(figure_of(traces, layout), text, f"{name}: {text}")
+    rows = [row for row in found["rows"] if any(v is not None for v in _values(row))]
+    out = []
+    for unit in dict.fromkeys(row["unit"] for row in rows):
+        own = [row for row in rows if row["unit"] == unit]
+        traces: list[Any] = []
+        for k, (head, (symbol, colour)) in enumerate(zip(_HEADS, marks, strict=True)):
+            picked = [(_values(row)[k], row["quantity"]) for row in own]
+            picked = [(v, quantity) for v, quantity in picked if v is not None]
+            if picked:
+                traces.append(
+                    go.Scatter(
+                        x=[v for v, _ in picked], y=[quantity for _, quantity in picked],
+                        mode="markers", name=head, hovertemplate="%{x:.4g}",
+                        marker={"symbol": symbol, "color": colour, "size": 9,
+                                "line": {"width": 2, "color": colour}},
+                    )
+                )  # fmt: skip
+        positive = all(v is None or v > 0 for row in own for v in _values(row))
+        layout = plot_layout(max(220, 110 + 24 * len(own)), f"figure, {unit}", "")
+        layout["xaxis"].update(type="log" if positive else "linear")
+        layout["yaxis"].update(autorange="reversed", automargin=True)
+        layout["hovermode"] = "y unified"
+        text = f"Printed figures beside ours and the limit, {unit}"
+        text += ", on a logarithmic axis." if positive else "."
+        out.append(Drawing(figure_of(traces, layout), text, f"{name}: {text}"))
+    return out
 
 
-def published_report(data: Mapping[str, Any], path: str | Path) -> None:
+def _curves(figure: Any) -> Drawing:
+    """Draw a figure of an experiment: lines, and points where there are few."""
+    go = graph_objects()
+    traces = []
+    for k, curve in enumerate(figure.curves):
+        few = len(curve.x) <= 60
+        traces.append(
+            go.Scatter(
+                x=[float(v) for v in curve.x], y=[float(v) for v in curve.y], name=curve.name,
+                mode="lines+markers" if few else "lines", hovertemplate="%{y:.4g}",
+                line={"color": _COLOURS[k % len(_COLOURS)], "width": 1.6,
+                      "dash": _DASHES[k // len(_COLOURS) % len(_DASHES)]},
+            )
+        )  # fmt: skip
+    layout = plot_layout(400, figure.x, figure.y)
+    layout["margin"] = {**layout["margin"], "b": 110}
+    layout["legend"] = {"orientation": "h", "y": -0.3, "yanchor": "top", "x": 0}
+    if figure.log_y:
+        layout["yaxis"].update(type="log", exponentformat="power")
+    return Drawing(figure_of(traces, layout), f"{figure.title}.", f"{figure.title}: lines.")
+
+
+def published_report(
+    data: Mapping[str, Any], path: str | Path, figures: Mapping[str, Sequence[Any]] | None = None
+) -> None:
     """Write the page of experiments.
 
     Parameters
@@ -80,6 +111,8 @@ def published_report(data: Mapping[str, Any], path: str | Path) -> None:
         With the keys of the JSON schema `schuler.published/1`.
     path : str or Path
         The HTML file.
+    figures : mapping of str to sequence, optional
+        What each experiment draws (`schuler.published.Figure`).
 
     Raises
     ------
@@ -89,13 +122,13 @@ def published_report(data: Mapping[str, Any], path: str | Path) -> None:
     sections = []
     found = data["experiments"]
     for name, each in found.items():
-        drawing = _drawing(name, each)
+        drawn = [_curves(figure) for figure in (figures or {}).get(name, ())]
         errata = "".join(f"<li>{escape(text)}</li>" for text in each["errata"])
         sections.append(
             Section(
                 f"{name} · {each['title']}",
                 f"{_table(each)}<h3>Assumed, and contradictory</h3><ul>{errata}</ul>",
-                [] if drawing is None else [drawing],
+                [*drawn, *_drawings(name, each)],
             )
         )
     count = sum(len(each["rows"]) for each in found.values())

@@ -68,6 +68,9 @@ _TILT, _VELOCITY = 1.0 * DEG, 1.0
 _WIDER = 20.0
 """Sigma of the start over that of the optimal estimate: the record counts twice by 1/400."""
 
+_START = 3.0
+"""Sigma of a start that was chosen over its own: it comes from the same record."""
+
 _TILTED = 3.0 * DEG
 """Tilt from which on ten states have an eleventh: the third accelerometer's bias."""
 
@@ -168,6 +171,7 @@ class _Setting:
     method: KalmanAlignment
     spec: ImuSpec | None
     intervals: Intervals
+    start_sigma: Array | None
 
     @property
     def tilted(self) -> bool:
@@ -280,9 +284,12 @@ class _Setting:
         start = np.diag(local @ self.known.covariance[:3, :3] @ local.T)
         north = EARTH_RATE * np.cos(self.site.latitude)
         level = self.method.states == 10
+        phi = _WIDER * np.sqrt(start)
+        if self.start_sigma is not None:
+            phi = np.maximum(phi, _START * self.start_sigma)
         sigma: dict[str, ArrayLike] = {
             # Corrections by feedback are linear only as long as they are small.
-            "phi": np.clip(_WIDER * np.sqrt(start), 0.1 * _TILT, 10.0 * _TILT),
+            "phi": np.clip(phi, 0.1 * _TILT, 10.0 * _TILT),
             "velocity": np.array([1.0, 1.0, 0.0 if level else 1.0]) * _VELOCITY,
             "position": np.sqrt(max(displacement, 1e-8)), "motion": np.sqrt(displacement),
             "frame_rate": (north, north, 0.0), "base": _BASE, "point.lever": _LEVER,
@@ -300,7 +307,7 @@ class _Setting:
 
 def kalman_alignment(
     h: History, site: Site, method: KalmanAlignment, spec: ImuSpec | None, at_end: bool,
-    about: Linearisation | None = None,
+    about: Linearisation | None = None, start: tuple[Array, Array] | None = None,
 ) -> KalmanResult:  # fmt: skip
     """Return the Kalman alignment of a history.
 
@@ -315,6 +322,9 @@ def kalman_alignment(
     about : Linearisation, optional
         Where to start, and what was taken off the history, as of `joint`; the centred estimate
         and no bias when not given.
+    start : (3, 3) and (3, 3) float64, optional
+        C_b^n at the start and the covariance of its phi (rad^2), where the filter begins from
+        another estimate than the centred one.
 
     Raises
     ------
@@ -331,11 +341,12 @@ def kalman_alignment(
     setting = _Setting(
         joint(h, site, spec, about=about), vehicle_motion(h, r, site, method.step), site, method,
         spec, Intervals.of(h, method.step),
+        None if start is None else np.sqrt(np.diag(start[1])),
     )  # fmt: skip
     biases = np.zeros(6)
     if setting.wander:
         return _wandering(setting, _levelled(h), at_end)
-    q = nearest_quat(inertial_to_local(0.0, site.latitude) @ r)
+    q = nearest_quat(inertial_to_local(0.0, site.latitude) @ r if start is None else start[0])
     # To and fro: each pass begins where the one before ended, with the prior of the first.
     for lap in range(method.passes - 1):
         backward = lap % 2 == 1
