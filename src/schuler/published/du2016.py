@@ -37,7 +37,8 @@ def _reliability_rows(case: dict[str, Any]) -> list[Row]:
             more / mtbf["triad"], note=text),
         Row("mean life over three and a duplicate", "1", printed["over_duplicate"],
             four / mtbf["triad-plus-one"], more / mtbf["triad-plus-one"], note=text),
-        Row("mean life", "h", printed["mtbf_h"], four, more, note=text),
+        Row("mean life", "h", None, four, more,
+            note=f"derived from the document's {life.mtbf:g} h of one gyro; {text}"),
     ]  # fmt: skip
     for name in case["array"]["names"]:
         array = named_array(name)
@@ -65,22 +66,39 @@ def run(options: Options) -> Experiment:
     data = conditions("du2016")
     case = RotationCase.from_dict(data["case"], "du2016")
     fixed = named_scheme("fixed")
-    from_end = named_scheme("reciprocating-from-end", limits=case.single.limits)
-    schemes = {"fixed": fixed, "single": case.single, "end": from_end, "double": case.double}
+    limits = case.single.limits
+    # The document's own order is clockwise first, from the end of the travel.
+    schemes = {
+        "fixed": fixed, "single": case.single, "double": case.double,
+        "clockwise": named_scheme("reciprocating-from-end", limits=limits, clockwise=True),
+        "counter": named_scheme("reciprocating-from-end", limits=limits),
+    }  # fmt: skip
     printed = data["printed"]["reduction_percent"]
     rows = _reliability_rows(data)
 
     def reductions(lat: float, psi: ArrayLike) -> dict[str, Array]:
         way = {name: end_distance(case, scheme, lat, psi) for name, scheme in schemes.items()}
-        return {name: 100.0 * (1.0 - way[name] / way["fixed"]) for name in ("single", "end",
-                                                                            "double")}  # fmt: skip
+        return {name: 100.0 * (1.0 - way[name] / way["fixed"]) for name in schemes}
 
     for k, (lat, psi) in enumerate(data["headings"]["places"]):
         cut = reductions(lat, psi)
         rows.append(
             Row(f"error of 8 h less by, latitude {lat:g}, psi {psi:g}", "%",
                 printed if k == 0 else None, cut["single"][0], cut["double"][0],
-                note=f"best: two axes; from the end of its travel {cut['end'][0]:.1f}")
+                note="best: two axes; latitude, psi and the start in mid-turn are fitted, the "
+                f"document prints none; begun as it describes {cut['clockwise'][0]:.1f}")
+        )  # fmt: skip
+    lat, psi_fitted = data["headings"]["places"][0]
+    cut = reductions(lat, psi_fitted)
+    for name, text in (
+        ("clockwise", "clockwise first, from the end of a turn: as described"),
+        ("counter", "counter-clockwise first, from the end of a turn"),
+        ("single", "from the middle of a turn: the start that was fitted"),
+    ):
+        rows.append(
+            Row(f"error of 8 h less by, {text}", "%", printed if name == "clockwise" else None,
+                cut[name][0], cut["double"][0],
+                note=f"latitude {lat:g} and psi {psi_fitted:g} are fitted; best: two axes")
         )  # fmt: skip
     lat = case.site.lat
     psi = np.arange(0.0, 360.0, data["headings"]["all_psi_step"])
