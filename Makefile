@@ -5,10 +5,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: help test fuzz validate demo lint bench docs picture clean
+.PHONY: help test coverage fuzz validate demo lint bench docs picture clean
 
 help:
 	@echo "make test     run the tests (two at a time)"
+	@echo "make coverage run the tests compiled and uncompiled, and count the statements they reach"
 	@echo "make fuzz     damaged files, odd command lines, forged packets: the long leg (an hour)"
 	@echo "make validate simulate the tables of docs/sigma.md and docs/consistency.md anew (an hour)"
 	@echo "make demo     align a simulated truck and draw the report into out/"
@@ -37,6 +38,15 @@ $(VENV)/.with-%: pyproject.toml | $(BIN)/python
 
 test: $(VENV)/.with-dev
 	$(BIN)/python -m pytest -n 2 --dist worksteal $(PYTEST_ARGS)
+
+# Compiled code is invisible to coverage: what holds kernels runs once more as Python.
+coverage: $(VENV)/.with-dev
+	COVERAGE_FILE=.coverage.compiled $(BIN)/python -m pytest -n 2 --dist worksteal --cov --cov-report=
+	NUMBA_DISABLE_JIT=1 COVERAGE_FILE=.coverage.uncompiled $(BIN)/python -m pytest -n 2 \
+	  --dist worksteal -m "not slow and not browser and not compiled" --cov --cov-report= \
+	  tests/kernels tests/record tests/sensors tests/estimate tests/allan_variance tests/ins
+	$(BIN)/python -m coverage combine -q .coverage.compiled .coverage.uncompiled
+	$(BIN)/python -m coverage report --skip-covered --sort=cover --fail-under=92
 
 fuzz: $(VENV)/.with-dev
 	SCHULER_FUZZ_SCALE=$${SCHULER_FUZZ_SCALE:-50} $(BIN)/python -m pytest -n 2 --dist worksteal \

@@ -24,6 +24,10 @@ settings.register_profile("schuler", derandomize=True, deadline=None, max_exampl
 settings.load_profile("schuler")
 
 
+NORMAL_GRAVITY = {"gravity_sigma": 0.0, "deflection_sigma": 0.0}
+"""Of a `Site` in the simulator, whose gravity is exactly that of the formula."""
+
+
 @pytest.fixture(scope="session")
 def root() -> Path:
     """Return the project's root."""

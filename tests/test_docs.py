@@ -323,6 +323,20 @@ def test_links_between_pages_lead_somewhere(page):
         assert (page.parent / target).exists(), f"{page.name}: {target}"
 
 
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_tests_that_a_page_names_are_there(page):
+    missing, source = [], ""
+    for path, name in re.findall(r"`(tests/[\w/]+\.py)?(?:::(\w+))?`", page.read_text("utf-8")):
+        if path:
+            file = ROOT / path
+            source = file.read_text("utf-8") if file.is_file() else ""
+            if not source:
+                missing.append(path)
+        if name and f"def {name}(" not in source:
+            missing.append(name)
+    assert not missing
+
+
 @pytest.mark.slow
 def test_the_documentation_builds(tmp_path, root):
     pytest.importorskip("mkdocs")

@@ -45,3 +45,6 @@ DEG_PER_HOUR = DEG / 3600.0
 
 MICRO_G = 1e-6 * STANDARD_GRAVITY
 """One micro-g, m/s^2."""
+
+MGAL = 1e-5
+"""One milligal, m/s^2."""

@@ -9,7 +9,7 @@ from numbers import Real
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.constants import DEG, EARTH_RATE
+from schuler.constants import ARCSEC, DEG, EARTH_RATE, MGAL
 from schuler.errors import InputError, expect
 
 __all__ = ["Site", "earth_rate", "gravity", "radii", "transport_rate"]
@@ -103,6 +103,11 @@ class Site:
         not need the longitude.
     height : float
         Height above the ellipsoid, m.
+    gravity_sigma : float
+        1-sigma of how far gravity is from normal gravity at this place, mGal (1e-5 m/s^2).
+    deflection_sigma : float
+        1-sigma of the deflection of the vertical, north and east, arcsec. Both are common values
+        of gravity anomalies; zero where gravity is that of the formula, as in a simulation.
 
     Raises
     ------
@@ -113,12 +118,16 @@ class Site:
     lat: float
     lon: float = 0.0
     height: float = 0.0
+    gravity_sigma: float = 20.0
+    deflection_sigma: float = 5.0
 
     def __post_init__(self) -> None:
         for label, value, low, high, unit in (
             ("latitude", self.lat, -90.0, 90.0, "deg"),
             ("longitude", self.lon, -180.0, 360.0, "deg"),
             ("height", self.height, -12000.0, 100000.0, "m"),
+            ("gravity_sigma", self.gravity_sigma, 0.0, 1000.0, "mGal"),
+            ("deflection_sigma", self.deflection_sigma, 0.0, 120.0, "arcsec"),
         ):
             expect(value, Real, label)
             if not (math.isfinite(value) and low <= value <= high):
@@ -140,6 +149,16 @@ class Site:
     def gravity(self) -> float:
         """Normal gravity, m/s^2."""
         return float(gravity(self.latitude, self.height))
+
+    @property
+    def gravity_uncertainty(self) -> float:
+        """1-sigma of gravity, m/s^2."""
+        return self.gravity_sigma * MGAL
+
+    @property
+    def deflection(self) -> float:
+        """1-sigma of the deflection of the vertical, rad."""
+        return self.deflection_sigma * ARCSEC
 
     @property
     def earth_rate(self) -> Array:

@@ -10,8 +10,9 @@ from schuler.earth import Site
 from schuler.motion import DisturbedVehicle, Static
 from schuler.sensors import ImuSpec
 from schuler.simulation import simulate
+from tests.conftest import NORMAL_GRAVITY
 
-SITE = Site(lat=40.0, lon=116.0, height=50.0)
+SITE = Site(lat=40.0, lon=116.0, height=50.0, **NORMAL_GRAVITY)
 LEAST_SQUARES = ("centred", "wahba")
 INERTIAL = (*LEAST_SQUARES, "integral-triad", "instants-triad")
 WHITE = ImuSpec.from_dict(

@@ -19,6 +19,7 @@ from schuler.motion import DisturbedVehicle, Static
 from schuler.record import ImuRecord
 from schuler.sensors import GRADES
 from schuler.simulation import simulate
+from tests.conftest import NORMAL_GRAVITY
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "sigma.md"
 MARK = "<!-- table -->\n"
@@ -125,7 +126,7 @@ def one(condition: Condition, seed: int) -> tuple[float, float, bool]:
     rng = np.random.default_rng([seed, 20261127])
     c = condition
     lat = rng.uniform(-70.0, 70.0) if c.lat is None else c.lat
-    site, spec = Site(lat), GRADES[c.grade]
+    site, spec = Site(lat, **NORMAL_GRAVITY), GRADES[c.grade]
     heading = rng.uniform(0, 360)
     if c.motion == "truck":
         motion = DisturbedVehicle.draw(rng, c.length, heading=heading, pitch=c.pitch)

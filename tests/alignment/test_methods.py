@@ -119,7 +119,7 @@ def blocks(root):
 
 
 def test_the_aligner_of_contributing_runs(root, own_methods, rng, tmp_path, monkeypatch):
-    module, line = blocks(root)
+    module, line = blocks(root)[:2]
     (tmp_path / "mean_force.py").write_text(module, encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path)
     written = importlib.import_module("mean_force")
@@ -133,7 +133,7 @@ def test_the_aligner_of_contributing_runs(root, own_methods, rng, tmp_path, monk
     )
     fix = sc.align(record, SITE, "mean-force(1 arcmin)")
     assert min(fix.heading_deg, 360.0 - fix.heading_deg) < 0.01
-    assert fix.sigma_arcmin[1] == pytest.approx(1.0)
+    assert fix.sigma_arcmin[1] == pytest.approx(np.hypot(1.0, SITE.deflection_sigma / 60.0))
     assert fix.to_dict()["method"]["name"] == "mean-force"
     assert "mean-force" in list(METHODS)
     with pytest.raises(InputError, match="another method"):
@@ -162,3 +162,24 @@ def test_every_prefilter_goes_to_text_and_back():
     for name, each in PREFILTERS.items():
         assert str(each) == name
         assert PREFILTERS.parse(name) == each
+
+
+def test_the_prefilter_of_contributing_runs(root, rng, tmp_path, monkeypatch):
+    module, line = blocks(root)[2:]
+    (tmp_path / "median_of_three.py").write_text(module, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    written = importlib.import_module("median_of_three")
+    name, kind = re.fullmatch(r'"([\w-]+)": (\w+)\(\),\n', line).groups()
+    monkeypatch.setattr(PREFILTERS, "_own", {**PREFILTERS._own})
+    monkeypatch.setattr(PREFILTERS, "_entries", {})
+    PREFILTERS.register(name, getattr(written, kind)())
+    n = 1000
+    dvel = np.array([0.0, 0.0, 0.098]) + 1e-6 * rng.standard_normal((n, 3))
+    spoiled = dvel.copy()
+    spoiled[500, 0] += 0.01
+    record = sc.ImuRecord(np.arange(1, n + 1) / 100, np.full(n, 0.01), np.zeros((n, 3)), spoiled)
+    chain = parse_prefilter("median(accel), lowpass(1 Hz)")
+    assert str(chain).startswith("median")
+    out = chain.filters[0](record)
+    assert np.abs(out.dvel - dvel).max() < 1e-5
+    assert np.array_equal(out.dtheta, record.dtheta)

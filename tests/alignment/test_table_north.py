@@ -34,6 +34,37 @@ def test_normalised_errors(lat):
     assert 0.6 < np.mean(np.square(z)) < 1.2
 
 
+@pytest.mark.parametrize("lat", [None, 35.0 * DEG])
+def test_good_readings_are_consistent(lat):
+    """400 runs at a false-alarm rate of 3e-4: more than two have a probability of 3e-4."""
+    alarms = 0
+    for seed in range(400):
+        rng = np.random.default_rng(seed)
+        angles = [0, 120, 240] if seed % 2 else [0, 90, 180, 270]
+        alarms += not table_north(angles, turn(rng, angles, 20.0), latitude=lat).consistent
+    assert alarms <= 2
+
+
+@pytest.mark.parametrize(
+    ("factor", "lat", "words"),
+    [
+        (3600.0, 35.0, "values an hour read as values a second"),
+        (1.0 / 3600.0, 35.0, "values a second read as values an hour"),
+        (np.pi / 180.0, 35.0, "radians read as degrees"),
+        (1.0, 55.0, "latitude 55 deg"),
+        (1.3, None, "check the unit"),
+    ],
+)
+def test_an_amplitude_that_cannot_be(rng, factor, lat, words):
+    angles = [0, 120, 240, 180]
+    readings = [factor * r for r in turn(rng, angles, 20.0, sigma=0.3)]
+    found = table_north(angles, readings, latitude=None if lat is None else lat * DEG)
+    assert not found.consistent
+    assert words in found.contradictions[0]
+    assert str(found).startswith("INCONSISTENT: ")
+    assert found.to_dict()["contradictions"] == list(found.contradictions)
+
+
 def test_outliers_do_no_harm():
     rng = np.random.default_rng(1)
     x = rng.normal(size=500)

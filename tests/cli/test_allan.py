@@ -65,6 +65,7 @@ def test_json_fits_its_schema(run: Run, still: Path, root: Path) -> None:
         assert ran.code == 0
         data = json.loads(ran.out)
         check.validate(data)
+        assert data["assumed"] == ["axes right-forward-up (RFU)", "units rad/s and m/s^2"]
         assert all(
             len(channel[key]) == len(data["tau_s"])
             for channel in data["channels"].values()

@@ -7,6 +7,7 @@ from schuler.alignment.bound import Limit, Position, limit, load_positions, posi
 from schuler.alignment.compare import Comparison, compare
 from schuler.alignment.convergence import Convergence, convergence
 from schuler.alignment.latitude import LatitudeFix, align_without_latitude
+from schuler.alignment.limit_table import LimitTable, limit_table
 from schuler.alignment.live import LiveAligner
 from schuler.alignment.method import Estimate, Method, Problem
 from schuler.alignment.methods import (
@@ -47,6 +48,7 @@ __all__ = [
     "KalmanAlignment",
     "LatitudeFix",
     "Limit",
+    "LimitTable",
     "LiveAligner",
     "LiveSession",
     "Method",
@@ -65,6 +67,7 @@ __all__ = [
     "inertial_error",
     "inertial_frame_error",
     "limit",
+    "limit_table",
     "load_positions",
     "parse_method",
     "position_limit",

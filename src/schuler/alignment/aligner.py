@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from schuler.alignment.assessment import assess, capped
 from schuler.alignment.bound import limit, position_limit
+from schuler.alignment.debias import without_gyro_bias
 from schuler.alignment.estimate import QUIET
+from schuler.alignment.gravity_uncertainty import with_gravity_uncertainty
 from schuler.alignment.history import History
 from schuler.alignment.method import Estimate, Method, Problem
 from schuler.alignment.methods import parse_method
@@ -236,11 +238,12 @@ class Aligner:
         return History.from_state(state.data, nodes)
 
     def _estimate(
-        self, h: History, spec: ImuSpec | None, about: Linearisation | None = None
-    ) -> Estimate:
+        self, h: History, spec: ImuSpec | None, about: Linearisation | None = None,
+        site: Site | None = None,
+    ) -> Estimate:  # fmt: skip
         return self.method.solve(
             Problem(
-                h, self.site, spec, self.at == "end", about,
+                h, site or self.site, spec, self.at == "end", about,
                 lambda: ImuRecord.concatenate(self._held),
             )
         )  # fmt: skip
@@ -281,6 +284,14 @@ class Aligner:
             self._estimate,
         )  # fmt: skip
         found = assessed.estimate
+
+        def at_site(site: Site) -> Estimate:
+            about = None if found.best is None else found.best.about
+            removed = about is not None and about.gyro_bias.any()
+            left = without_gyro_bias(h, about.gyro_bias) if about and removed else h
+            return self._estimate(left, found.spec, about, site)
+
+        found = with_gravity_uncertainty(found, self.site, at_site)
         budget = capped(found.budget)
         covariance = np.asarray(sum(budget.values(), np.zeros((3, 3))))
         contradictions = tuple(each.text for each in assessed.contradictions)

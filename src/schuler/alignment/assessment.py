@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.consistency import (
-    DEFLECTION_SIGMA,
     Contradiction,
     bias_sigma,
     check,
@@ -229,9 +228,7 @@ def _level_only(h: History, summary: Summary, site: Site, spec: ImuSpec | None) 
     scatter = np.cov((np.diff(ends, axis=0) * (8.0 / h.duration)).T) / 8.0
     tilt = attitude @ scatter @ attitude.T / gravity**2
     budget = {"disturbance": np.diag([tilt[1, 1], tilt[0, 0], 0.0])}
-    prior = DEFLECTION_SIGMA * gravity
-    if spec is not None:
-        prior = float(np.hypot(prior, bias_sigma(spec.accelerometer, gravity)))
+    prior = 0.0 if spec is None else bias_sigma(spec.accelerometer, gravity)
     budget["accelerometer_bias"] = np.diag([1.0, 1.0, 0.0]) * (prior / gravity) ** 2
     budget["gyro_bias"] = np.diag([0.0, 0.0, UNIFORM_SIGMA**2])
     _, level, vertical = site.earth_rate

@@ -54,6 +54,8 @@ class Row:
         Of the alignment.
     note : str
         Why there is no heading, or which method was chosen.
+    consistent : bool or None
+        Whether nothing contradicts the alignment.
     """
 
     method: str
@@ -64,6 +66,7 @@ class Row:
     std_heading_arcmin: float | None
     seconds: float
     note: str = ""
+    consistent: bool | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row as plain values."""
@@ -71,7 +74,7 @@ class Row:
             "method": self.method, "prefilter": self.prefilter, "heading_deg": self.heading_deg,
             "heading_sigma_arcmin": self.sigma_arcmin, "settle_s": self.settle_s,
             "std_heading_arcmin": self.std_heading_arcmin, "seconds": self.seconds,
-            "note": self.note,
+            "note": self.note, "consistent": self.consistent,
         }  # fmt: skip
 
 
@@ -88,6 +91,10 @@ class Comparison(Shown):
     limit_arcmin : float or None
         Of the heading.
     rows : tuple of Row
+    contradictions : tuple of str
+        What the record shows and cannot be, as the first alignment says it.
+    read_as, assumed : str or None, tuple of str
+        How the file was read, where it was one.
     """
 
     name: str
@@ -95,12 +102,22 @@ class Comparison(Shown):
     window: float | None
     limit_arcmin: float | None
     rows: tuple[Row, ...]
+    contradictions: tuple[str, ...] = ()
+    read_as: str | None = None
+    assumed: tuple[str, ...] = ()
+
+    @property
+    def consistent(self) -> bool:
+        """Whether nothing contradicts the record."""
+        return not self.contradictions
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison with the keys of the JSON schema `schuler.comparison/2`."""
+        """Return the comparison with the keys of the JSON schema `schuler.comparison/3`."""
         return {
-            "schema": "schuler.comparison/2", "record": self.name, "duration_s": self.duration,
+            "schema": "schuler.comparison/3", "record": self.name, "duration_s": self.duration,
             "window_s": self.window, "limit_arcmin": self.limit_arcmin,
+            "read_as": self.read_as, "assumed": list(self.assumed),
+            "consistent": self.consistent, "contradictions": list(self.contradictions),
             "rows": [row.to_dict() for row in self.rows],
         }  # fmt: skip
 
@@ -108,7 +125,8 @@ class Comparison(Shown):
         def cell(value: float | None, form: str, unit: str = "") -> str:
             return "-" if value is None else f"{value:{form}}{unit}"
 
-        lines = [
+        lines = [f"INCONSISTENT: {text}" for text in self.contradictions]
+        lines += [
             f"{'method':<22} {'prefilter':<18} {'heading deg':>12} {'sigma':>9} {'settle s':>9} "
             f"{'std':>9} {'seconds':>8}"
         ]
@@ -168,6 +186,7 @@ def compare(
     repeat = window if record.duration >= 3.0 * window else None
     limit: float | None = None
     rows = []
+    contradictions: tuple[str, ...] = ()
     for method, prefilter, name, filter_name in todo:
         if progress is not None:
             progress(f"{name}, {filter_name}" if filter_name != "none" else name)
@@ -182,6 +201,7 @@ def compare(
             )  # fmt: skip
             continue
         seconds = time.perf_counter() - begin
+        contradictions = contradictions or fix.contradictions
         if fix.limit_arcmin is not None and prefilter is None:
             # A record quieter than its specification has the lower one.
             here = float(fix.limit_arcmin[2])
@@ -196,6 +216,6 @@ def compare(
                 std = None
         rows.append(
             Row(name, filter_name, fix.heading_deg, float(fix.sigma_arcmin[2]), settle_time(fix),
-                std, seconds, f"chose {fix.method}" if name == "auto" else "")
+                std, seconds, f"chose {fix.method}" if name == "auto" else "", fix.consistent)
         )  # fmt: skip
-    return Comparison(record.name, record.duration, repeat, limit, tuple(rows))
+    return Comparison(record.name, record.duration, repeat, limit, tuple(rows), contradictions)

@@ -23,7 +23,7 @@ from schuler.alignment.axes_consistency import AXES_MARGIN, AxesTest, axes_test,
 from schuler.alignment.history import History
 from schuler.alignment.stationary.normal_equations import NormalEquations
 from schuler.alignment.stationary.optimal import OptimalAlignment
-from schuler.constants import DEG, DEG_PER_HOUR, EARTH_RATE, MICRO_G
+from schuler.constants import ARCSEC, DEG, DEG_PER_HOUR, EARTH_RATE, MICRO_G
 from schuler.earth import Site
 from schuler.record import Summary
 from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
@@ -43,11 +43,8 @@ Array = NDArray[np.float64]
 FALSE_ALARM = 3e-4
 """Probability that a test of a good record contradicts it."""
 
-GRAVITY_SIGMA = 20e-5
-"""Of normal gravity at a known height (anomalies), m/s^2: 20 mGal."""
-
-DEFLECTION_SIGMA = 5.0 / 3600.0 * DEG
-"""Of the vertical, rad: 5 arcsec."""
+_LEAST_DEFLECTION = 0.1 * ARCSEC
+"""No level is known better, and no accelerometer is tested beyond it, rad."""
 
 _HEIGHT_SIGMA = 200.0
 """Of a height that somebody typed in, m."""
@@ -250,7 +247,7 @@ def earth_rate_test(
     normal = best.normal
     force = site.gravity
     # Deflection of the vertical acts like a bias of the accelerometers.
-    accel = DEFLECTION_SIGMA * force
+    accel = max(site.deflection, _LEAST_DEFLECTION) * force
     gyro = 0.0
     if spec is not None:
         gyro = bias_sigma(spec.gyro, force)
@@ -319,7 +316,7 @@ def gravity_test(summary: Summary, site: Site, spec: ImuSpec | None) -> Contradi
     off = summary.steady_force(gravity) - gravity
     if spec is None:
         return None
-    sigma = np.hypot(bias_sigma(spec.accelerometer, gravity), GRAVITY_SIGMA)
+    sigma = np.hypot(bias_sigma(spec.accelerometer, gravity), site.gravity_uncertainty)
     sigma = np.hypot(sigma, 3.086e-6 * _HEIGHT_SIGMA)
     # A vehicle that works has a mean force of its own over a short record.
     size = summary.stretch_sums.sum_force / summary.stretch_sums.samples

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.alignment.gravity_uncertainty import deflection_covariance
 from schuler.alignment.method import Problem
 from schuler.alignment.result import Alignment
 from schuler.alignment.stationary.inertial import MINIMUM_ROWS
@@ -48,7 +49,7 @@ def convergence(fix: Alignment, points: int = 60) -> Convergence:
         At most so many, spaced evenly in the logarithm of time from a hundredth of the span.
     """
     if fix.filter_history is not None:
-        return _of_filter(fix.filter_history, points)
+        return _of_filter(fix, fix.filter_history, points)
     h, method = fix.history, fix.method.with_prefilter(None)
     wanted = np.geomspace(0.01 * h.duration, h.duration, points)
     rows = np.unique(np.clip(np.searchsorted(h.t, wanted - 1e-9), MINIMUM_ROWS, len(h) - 1))
@@ -61,7 +62,8 @@ def convergence(fix: Alignment, points: int = 60) -> Convergence:
             # The first instants may not fix an attitude yet; the curve starts where they do.
             continue
         psi = quat_to_euler(nearest_quat(e.attitude))[0]
-        sigma = float(np.sqrt(e.covariance[2, 2])) / ARCMIN
+        covariance = e.covariance + deflection_covariance(fix.site)
+        sigma = float(np.sqrt(covariance[2, 2])) / ARCMIN
         found.append((part.duration, float(psi_to_heading(psi)) / DEG, sigma))
     t, heading, sigma_arcmin = (np.array(c) for c in zip(*found, strict=True))
     # Unwrap towards the final value, which is the one in [0, 360).
@@ -73,10 +75,12 @@ def _no_samples() -> ImuRecord:
     raise InputError("a method that needs the samples tells its history itself")
 
 
-def _of_filter(filter_history: FilterHistory, points: int) -> Convergence:
+def _of_filter(fix: Alignment, filter_history: FilterHistory, points: int) -> Convergence:
     """Return what a filter said on its way."""
     last = len(filter_history.t) - 1
     rows = np.unique(np.round(np.geomspace(1, last + 1, points)).astype(np.int64)) - 1
     heading = psi_to_heading(quat_to_euler(filter_history.quaternion[rows])[:, 0]) / DEG
     heading = heading[-1] + (heading - heading[-1] + 180.0) % 360.0 - 180.0
-    return Convergence(filter_history.t[rows], heading, filter_history.sigma[rows, 2] / ARCMIN)
+    deflection = float(np.sqrt(deflection_covariance(fix.site)[2, 2]))
+    sigma = np.hypot(filter_history.sigma[rows, 2], deflection)
+    return Convergence(filter_history.t[rows], heading, sigma / ARCMIN)

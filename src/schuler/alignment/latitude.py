@@ -68,6 +68,8 @@ def align_without_latitude(
     *,
     height: float = 0.0,
     at: str = "end",
+    gravity_sigma: float = 20.0,
+    deflection_sigma: float = 5.0,
 ) -> LatitudeFix:
     """Align a record and find its latitude.
 
@@ -81,6 +83,8 @@ def align_without_latitude(
         m.
     at : {"end", "start"}
         The instant of the attitude.
+    gravity_sigma, deflection_sigma : float
+        As of `Site`, mGal and arcsec.
 
     Raises
     ------
@@ -95,7 +99,7 @@ def align_without_latitude(
     lat = float(np.clip(np.arcsin(np.clip(sine, -1.0, 1.0)), -_STEEPEST, _STEEPEST))
     sigma = np.inf
     for _ in range(_ROUNDS):
-        site = Site(lat / DEG, 0.0, height)
+        site = Site(lat / DEG, 0.0, height, gravity_sigma, deflection_sigma)
         tracker = Aligner(site, "optimal", spec, at=at).update(record)
         found = joint(tracker.history(), site, spec, free_latitude=True)
         step = float(np.clip(found.latitude[0], -0.35, 0.35))
@@ -113,7 +117,7 @@ def align_without_latitude(
             f"the record shows its latitude to {sigma / DEG:.0f} deg only: take a longer or "
             "quieter one, or say --lat"
         )
-    site = Site(lat / DEG, 0.0, height)
+    site = Site(lat / DEG, 0.0, height, gravity_sigma, deflection_sigma)
     fix = Aligner(site, "optimal", spec, at=at).update(record).solution()
     # What the latitude leaves open, on top of the covariance at a known one.
     when = fix.duration if at == "end" else 0.0

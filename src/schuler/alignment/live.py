@@ -187,7 +187,9 @@ class LiveAligner:
     def _meta(self) -> dict[str, Any]:
         site, spec = self.aligner.site, self.aligner.spec
         return {
-            "schuler": __version__, "site": [site.lat, site.lon, site.height],
+            "schuler": __version__, "site": [
+                site.lat, site.lon, site.height, site.gravity_sigma, site.deflection_sigma,
+            ],
             "kind": self.intake.kind, "method": self._name,
             "spec": None if spec is None else spec.describe(),
         }  # fmt: skip

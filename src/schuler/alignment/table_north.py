@@ -55,6 +55,8 @@ class TableNorth(Shown):
         Readings left out of each dwell.
     known_amplitude : bool
         Whether the latitude gave the amplitude.
+    contradictions : tuple of str
+        What the readings show and cannot be; empty where nothing contradicts the result.
     """
 
     north_deg: float
@@ -67,6 +69,12 @@ class TableNorth(Shown):
     residuals: Array
     clipped: NDArray[np.int64]
     known_amplitude: bool
+    contradictions: tuple[str, ...] = ()
+
+    @property
+    def consistent(self) -> bool:
+        """Whether nothing contradicts the result."""
+        return not self.contradictions
 
     @property
     def sigma_deg(self) -> float:
@@ -80,10 +88,10 @@ class TableNorth(Shown):
         return None if cosine > 1.0 else float(np.degrees(np.arccos(cosine)))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result with the keys of the JSON schema `schuler.north/1`."""
+        """Return the result with the keys of the JSON schema `schuler.north/2`."""
         sigma = np.sqrt(np.diag(self.covariance))
         return {
-            "schema": "schuler.north/1",
+            "schema": "schuler.north/2",
             "north_deg": self.north_deg,
             "sigma_deg": self.sigma_deg,
             "bias_deg_h": self.bias / DEG_PER_HOUR,
@@ -91,6 +99,8 @@ class TableNorth(Shown):
             "amplitude_deg_h": self.amplitude / DEG_PER_HOUR,
             "amplitude_sigma_deg_h": float(sigma[2]) / DEG_PER_HOUR,
             "latitude_deg": self.latitude_deg,
+            "consistent": self.consistent,
+            "contradictions": list(self.contradictions),
             "rows": [
                 {"angle_deg": float(a), "mean_deg_h": float(m) / DEG_PER_HOUR,
                  "sigma_deg_h": float(s) / DEG_PER_HOUR, "residual_deg_h": float(r) / DEG_PER_HOUR,
@@ -103,8 +113,9 @@ class TableNorth(Shown):
     def __str__(self) -> str:
         sigma = np.sqrt(np.diag(self.covariance)) / DEG_PER_HOUR
         held = " (of the latitude)" if self.known_amplitude else f" ± {sigma[2]:.2g}"
+        first = f"INCONSISTENT: {'; '.join(self.contradictions)}; " if self.contradictions else ""
         lines = [
-            f"north at table angle {self.north_deg:.3f} deg ± {self.sigma_deg:.2g} deg",
+            f"{first}north at table angle {self.north_deg:.3f} deg ± {self.sigma_deg:.2g} deg",
             f"bias {self.bias / DEG_PER_HOUR:.4g} ± {sigma[1]:.2g} deg/h, amplitude "
             f"{self.amplitude / DEG_PER_HOUR:.5g}{held} deg/h",
             f"{'angle deg':>10} {'mean deg/h':>12} {'sigma':>9} {'residual':>10} {'clipped':>8}",
@@ -194,6 +205,7 @@ def table_north(
             "differ, as 0, 120, 240 deg"
         )
     x = np.linalg.lstsq(design, means, rcond=None)[0]
+    text = _contradiction(design, means, sigmas, x, latitude)
     if latitude is not None:
         x = _on_circle(design, means, x, EARTH_RATE * float(np.cos(latitude)))
     bias, c, s = x
@@ -215,8 +227,56 @@ def table_north(
     covariance[:k, :k] = variance * np.linalg.inv(slope.T @ slope)
     return TableNorth(
         float(np.degrees(north)), float(bias), amplitude, covariance, angles, means, sigmas,
-        residuals, clipped, latitude is not None,
+        residuals, clipped, latitude is not None, () if text is None else (text,),
     )  # fmt: skip
+
+
+_MISREADINGS = {
+    180.0 / np.pi: "degrees read as radians", np.pi / 180.0: "radians read as degrees",
+    3600.0: "values an hour read as values a second",
+    1.0 / 3600.0: "values a second read as values an hour",
+    3600.0 / DEG: "deg/h read as rad/s", DEG / 3600.0: "rad/s read as deg/h",
+}  # fmt: skip
+"""What makes an amplitude wrong by a factor."""
+
+_SCALE = 0.01
+"""1-sigma of a gyro's scale factor that is taken for granted."""
+
+_BEYOND = 3.6
+"""Sigmas of a false alarm of 3e-4."""
+
+
+def _contradiction(
+    design: Array, means: Array, sigmas: Array, x: Array, latitude: float | None
+) -> str | None:
+    """Hold the amplitude of the free cosine against the Earth's rate."""
+    residuals = means - design @ x
+    within = float(np.mean(sigmas**2))
+    free = len(means) - 3
+    variance = max(float(residuals @ residuals) / free, within) if free > 0 else within
+    amplitude = float(np.hypot(x[1], x[2]))
+    along = np.array([0.0, x[1], x[2]]) / max(amplitude, 1e-300)
+    sigma = np.sqrt(variance * float(along @ np.linalg.inv(design.T @ design) @ along))
+    expected = EARTH_RATE * (1.0 if latitude is None else float(np.cos(latitude)))
+    off = amplitude - expected
+    if latitude is None and off < 0.0:
+        return None
+    if abs(off) <= _BEYOND * np.hypot(sigma, _SCALE * expected):
+        return None
+    where = "the Earth's rate" if latitude is None else (
+        f"the Earth's horizontal rate at latitude {latitude / DEG:.4g} deg"
+    )  # fmt: skip
+    factor = amplitude / expected
+    likely = [text for size, text in _MISREADINGS.items() if abs(np.log(factor / size)) < 0.05]
+    advice = (
+        f"a factor of {factor:.4g}, as of {likely[0]} (--gyro)" if likely
+        else "check the unit (--gyro), the table angles, and that the axis is level"
+    )  # fmt: skip
+    return (
+        f"the cosine's amplitude is {amplitude / DEG_PER_HOUR:.5g} ± "
+        f"{sigma / DEG_PER_HOUR:.2g} deg/h, where {where} is {expected / DEG_PER_HOUR:.5g} deg/h: "
+        f"{advice}"
+    )
 
 
 def _on_circle(design: Array, means: Array, x: Array, amplitude: float) -> Array:

@@ -45,7 +45,7 @@ def _in_json(term: NoiseTerm) -> dict[str, Any]:
 
 
 def to_dict(found: Allan, fit: NoiseFit | None = None) -> dict[str, Any]:
-    """Return deviations and fit ready for JSON (schema ``schuler.allan/1``).
+    """Return deviations and fit ready for JSON (schema ``schuler.allan/2``).
 
     A term that the record does not show has the value 0 and the sigma of which 1.645 is its 95 %
     limit; without a fit, ``fit`` is null.
@@ -66,7 +66,7 @@ def to_dict(found: Allan, fit: NoiseFit | None = None) -> dict[str, Any]:
             one["fit"] = {term: _in_json(value) for term, value in terms.items()}
         channels[name] = one
     return {
-        "schema": "schuler.allan/1",
+        "schema": "schuler.allan/2",
         "kind": found.kind,
         "tau_s": [float(t) for t in found.tau],
         "channels": channels,

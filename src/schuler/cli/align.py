@@ -15,6 +15,8 @@ from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
 from schuler.cli.common import (
     emit_json,
     file_options,
+    gravity_known,
+    gravity_options,
     json_option,
     open_file,
     progress,
@@ -39,6 +41,7 @@ __all__ = ["command"]
 @click.command("align", cls=Command)
 @file_options
 @site_options
+@gravity_options
 @click.option(
     "--method",
     cls=NamesOption,
@@ -178,12 +181,13 @@ def _without_latitude(
     from schuler.alignment import align_without_latitude
     from schuler.constants import DEG
     from schuler.record import ImuRecord
+    from schuler.sensors import load_spec
 
     json_to, report_to = outputs
     for key in ("lat", "lon"):
         options.pop(key)
-    height = options.pop("height") or 0.0
-    source, finish = open_file(options)
+    height, known = options.pop("height") or 0.0, gravity_known(options)
+    source, finish = open_file(options, spec=load_spec(spec))
     with progress(source, source.chunks(start=span[0], stop=span[1])) as chunks:
         read: Iterable[ImuRecord] = chunks
         if calibration_from is not None:
@@ -191,7 +195,7 @@ def _without_latitude(
 
             read = Calibration.from_toml(calibration_from).each(chunks)
         record = ImuRecord.concatenate(list(read), quality=source.quality)
-    found = align_without_latitude(record, spec, height=height, at=at)
+    found = align_without_latitude(record, spec, height=height, at=at, **known)
     fix = _with_source(found.alignment, source, spec, calibration_from)
     found = replace(found, alignment=fix)
     if json_to is not None:

@@ -101,7 +101,7 @@ def command(**options: Any) -> None:
     else:
         warnings += fit.warnings()
     if json_to is not None:
-        emit_json(to_dict(found, fit), json_to)
+        emit_json({**to_dict(found, fit), **source.how_read()}, json_to)
     if report_to is not None:
         from schuler.reports.allan import allan_report
 

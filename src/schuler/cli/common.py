@@ -25,6 +25,8 @@ __all__ = [
     "Look",
     "emit_json",
     "file_options",
+    "gravity_known",
+    "gravity_options",
     "json_option",
     "open_file",
     "progress",
@@ -190,6 +192,24 @@ site_options = _stack(
     ]
 )
 
+#: how well gravity is known there
+gravity_options = _stack(
+    [
+        click.option(
+            "--gravity-sigma",
+            type=Number(0.0, 1000.0, unit="mGal"),
+            metavar="MGAL",
+            help="1-sigma of gravity about normal gravity, 20 mGal if not given.",
+        ),
+        click.option(
+            "--deflection-sigma",
+            type=Number(0.0, 120.0, unit="arcsec"),
+            metavar="ARCSEC",
+            help="1-sigma of the deflection of the vertical, 5 arcsec if not given.",
+        ),
+    ]
+)
+
 
 def open_file(
     options: dict[str, Any], wait: float | None = None, spec: ImuSpec | None = None
@@ -231,10 +251,17 @@ def open_file(
     return source, finish
 
 
+def gravity_known(options: dict[str, Any]) -> dict[str, float]:
+    """Return what `gravity_options` say, taken out of the options, for a `Site`."""
+    said = {key: options.pop(key, None) for key in ("gravity_sigma", "deflection_sigma")}
+    return {key: float(value) for key, value in said.items() if value is not None}
+
+
 def site_or_none(options: dict[str, Any], source: Source | None = None) -> Site | None:
     """Return the site of `site_options`, or of the file's header, or None."""
     from schuler.earth import Site
 
+    known = gravity_known(options)
     lat, lon, height = (options.pop(key) for key in ("lat", "lon", "height"))
     if lat is None and source is not None and source.position is not None:
         found = source.position
@@ -242,13 +269,16 @@ def site_or_none(options: dict[str, Any], source: Source | None = None) -> Site 
             f"the position is the file's own: {found[0]:.6f} N, {found[1]:.6f} E, {found[2]:g} m"
         )
         return Site(
-            found[0], found[1] if lon is None else lon, found[2] if height is None else height
+            found[0],
+            found[1] if lon is None else lon,
+            found[2] if height is None else height,
+            **known,
         )
     if lat is None:
         if lon is not None or height is not None:
             raise InputError("a place needs its latitude: say --lat")
         return None
-    return Site(lat, lon or 0.0, height or 0.0)
+    return Site(lat, lon or 0.0, height or 0.0, **known)
 
 
 @contextmanager

@@ -7,11 +7,12 @@ from typing import Any
 
 import click
 
-from schuler.cli.command import Command, echo, wants_text
+from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
 from schuler.cli.common import (
     Look,
     emit_json,
     file_options,
+    gravity_options,
     json_option,
     open_file,
     progress,
@@ -30,6 +31,7 @@ __all__ = ["command"]
 @click.command("compare", cls=Command)
 @file_options
 @site_options
+@gravity_options
 @click.option(
     "--spec",
     metavar="GRADE|TOML",
@@ -50,13 +52,15 @@ __all__ = ["command"]
 @click.option("--windows", type=Seconds(), help="Length of the windows for the repeatability.")
 @json_option("Write the rows as JSON (- : here).")
 @report_option("Write an interactive report.")
-def command(**options: Any) -> None:
+def command(**options: Any) -> int:
     """Run every method and prefilter on FILE and put the results side by side.
 
     \b
       schuler compare truck.imu --spec navigation-rlg --windows 100s
       schuler compare truck.imu --method centred,kalman --prefilter none,emd --json -
     """  # noqa: D301
+    from dataclasses import replace
+
     from schuler.alignment.compare import DEFAULT_PAIRS, compare
     from schuler.record import ImuRecord
 
@@ -89,6 +93,10 @@ def command(**options: Any) -> None:
     )
     if sys.stderr.isatty():
         click.echo("\r\x1b[K", err=True, nl=False)
+    found = replace(
+        found, contradictions=(*source.contradictions, *found.contradictions),
+        read_as=source.meaning, assumed=tuple(source.assumed),
+    )  # fmt: skip
     if json_to is not None:
         emit_json(found.to_dict(), json_to)
     if report_to is not None:
@@ -98,4 +106,5 @@ def command(**options: Any) -> None:
     if wants_text():
         echo(str(found))
     finish()
-    say_warnings([*look.notes(site), *source.contradictions])
+    say_warnings(look.notes(site))
+    return 0 if found.consistent else CONTRADICTED

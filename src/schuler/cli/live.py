@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler.cli.command import CONTRADICTED, Command, echo
-from schuler.cli.common import say_warnings, site_options, site_or_none
+from schuler.cli.common import gravity_options, say_warnings, site_options, site_or_none
 from schuler.cli.completion import methods, specs
 from schuler.cli.parameters import Count, InputFile, OutputFile, Seconds
 from schuler.errors import InputError
@@ -31,6 +31,7 @@ _ENOUGH = 10_000
 @click.command("live", cls=Command)
 @click.argument("source")
 @site_options
+@gravity_options
 @click.option(
     "--kind",
     type=click.Choice(["rates", "mean-rates", "increments"]),

@@ -12,6 +12,7 @@ from schuler.cli.common import (
     Look,
     emit_json,
     file_options,
+    gravity_options,
     json_option,
     open_file,
     progress,
@@ -39,6 +40,7 @@ __all__ = ["command"]
 @click.command("navigate", cls=Command)
 @file_options
 @site_options
+@gravity_options
 @click.option(
     "--heading",
     type=Number(-360.0, 360.0, unit="deg"),
@@ -224,8 +226,7 @@ def _data(
         "schema": "schuler.navigation/2",
         "schuler": __version__,
         "file": str(source.path),
-        "read_as": source.meaning,
-        "assumed": list(source.assumed),
+        **source.how_read(),
         "gravity": navigator.gravity.model,
         "vertical": navigator.vertical.mode,
         "start": begin,

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from schuler.cli.command import Command, echo, wants_text
+from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
 from schuler.cli.common import emit_json, json_option, report_option
 from schuler.cli.completion import files
 from schuler.cli.parameters import InputFile, Number
@@ -31,7 +31,7 @@ __all__ = ["command"]
 )
 @json_option()
 @report_option("Draw readings and cosine.")
-def command(**options: Any) -> None:
+def command(**options: Any) -> int:
     """Find north with one gyro: FILES hold its readings, one file a table angle.
 
     The last number of each row is the reading. The result is the table angle at which the input
@@ -64,3 +64,4 @@ def command(**options: Any) -> None:
         north_report(found, options["report_to"])
     if wants_text():
         echo(str(found))
+    return 0 if found.consistent else CONTRADICTED

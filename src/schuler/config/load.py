@@ -170,7 +170,7 @@ def _checked(
 
     return Scenario(
         name=file.name or name,
-        site=Site(file.site.lat, file.site.lon, file.site.height),
+        site=Site(**file.site.model_dump()),
         duration=file.duration,
         rate=file.rate,
         seed=file.seed,

@@ -63,6 +63,9 @@ class SiteTable(Strict):
     lat: Annotated[Degrees, Field(ge=-90, le=90)]
     lon: Annotated[Degrees, Field(ge=-180, le=360)] = 0.0
     height: Annotated[Metres, Field(ge=-12000, le=100000)] = 0.0
+    # The simulated gravity is that of the formula.
+    gravity_sigma: Annotated[float, Field(ge=0, le=1000)] = 0.0
+    deflection_sigma: Annotated[float, Field(ge=0, le=120)] = 0.0
 
 
 class BiasesTable(Strict):

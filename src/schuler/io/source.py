@@ -152,6 +152,10 @@ class Source:
         m = self._meaning.mapping
         return m if m.rate is not None else replace(m, time=self._meaning.clock.unit)
 
+    def how_read(self) -> dict[str, Any]:
+        """Return what JSON says of how the values were read: ``read_as`` and ``assumed``."""
+        return {"read_as": self.meaning, "assumed": list(self.assumed)}
+
     @property
     def meaning(self) -> str:
         """One sentence that says what the numbers are taken for."""

@@ -41,6 +41,10 @@ class Fix(Protocol):
     def covariance(self) -> Array:
         """Of phi, rad^2, (3, 3)."""
 
+    @property
+    def budget(self) -> dict[str, Array]:
+        """Its parts by source."""
+
 
 def frame_of(lat: float, lon: float) -> Array:
     """Return quat_en (4,) of East-North-Up at a latitude and longitude, rad."""
@@ -86,7 +90,9 @@ class Start:
     def from_alignment(cls, site: Site, fix: Fix, velocity: ArrayLike = (0.0, 0.0, 0.0)) -> Start:
         """Make a start from an alignment's attitude and covariance."""
         cov = np.zeros((9, 9))
-        cov[:3, :3] = fix.covariance
+        # Deflection tilts the attitude and the force alike: no velocity comes of it.
+        known = fix.budget.get("gravity", np.zeros((3, 3)))
+        cov[:3, :3] = fix.covariance - known
         return cls(site, fix.quat_nb, velocity, cov)
 
     def state(self) -> StrapdownState:

@@ -10,7 +10,7 @@ from schuler.alignment import Alignment, LatitudeFix, Windows, convergence, resi
 from schuler.constants import ARCMIN
 from schuler.errors import expect
 from schuler.reports import figures
-from schuler.reports.page import Drawing, Section, definition_table, write_page
+from schuler.reports.page import Drawing, Section, contradiction_box, definition_table, write_page
 from schuler.trajectory import Trajectory
 
 __all__ = ["report"]
@@ -71,7 +71,6 @@ def _headline(fix: Alignment, name: str) -> str:
     spread = rest.partition(" (")[0]
     if not told.startswith("heading ") or not degrees or "±" not in rest:
         value, degrees, spread = told, "", ""
-    wrong = "".join(f"<li>{escape(text)}</li>" for text in fix.contradictions)
     facts = [
         (f"{fix.pitch_deg:.4f}°", "pitch"),
         (f"{fix.roll_deg:.4f}°", "roll"),
@@ -85,7 +84,7 @@ def _headline(fix: Alignment, name: str) -> str:
     )
     return (
         f"<h1>Alignment · {escape(name)}</h1>"
-        + (f'<ul class="contradictions" aria-label="Inconsistent">{wrong}</ul>' if wrong else "")
+        + contradiction_box(fix.contradictions)
         + f'<p class="value">{escape(value)}{"°" if degrees else ""} <span class="pm">'
         f"{escape(spread.replace(chr(39), '′'))}</span></p>"
         f'<p class="sub">Heading clockwise from true north ± 1 sigma, at the {escape(fix.at)} '

@@ -9,7 +9,7 @@ import numpy as np
 
 from schuler.alignment.compare import Comparison
 from schuler.reports.figures import BLUE, figure_of, plot_layout
-from schuler.reports.page import Drawing, Section, graph_objects, write_page
+from schuler.reports.page import Drawing, Section, contradiction_box, graph_objects, write_page
 
 __all__ = ["comparison_report"]
 
@@ -88,7 +88,8 @@ def comparison_report(found: Comparison, path: str | Path) -> None:
     )  # fmt: skip
     head = (
         f"<h1>Methods compared · {escape(found.name)}</h1>"
-        f'<p class="value">{value}</p>'
+        + contradiction_box(found.contradictions)
+        + f'<p class="value">{value}</p>'
         f'<p class="sub">{"" if best is None else "least sigma: " + escape(best.method) + " · "}'
         f"{found.duration:.6g} s{window}{limit}</p>"
     )

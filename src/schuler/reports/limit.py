@@ -2,50 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from html import escape
 from pathlib import Path
 
 import numpy as np
 
-from schuler.alignment import Limit, Position
-from schuler.earth import Site
+from schuler.alignment.limit_table import LimitTable, limit_table
 from schuler.reports.figures import BLUE, GREY, ORANGE, figure_of, line_of, plot_layout
 from schuler.reports.page import Drawing, Section, definition_table, write_page
-from schuler.sensors import ImuSpec
 
 __all__ = ["limit_report"]
 
 
-def limit_report(
-    at: Callable[[float], Limit],
-    spec: ImuSpec,
-    site: Site,
-    positions: Sequence[Position],
-    times: Sequence[float],
-    path: str | Path,
-) -> None:
+def limit_report(found: LimitTable, path: str | Path, interval: float = 0.01) -> None:
     """Write the page.
 
     Parameters
     ----------
-    at : callable
-        Gives the limit for a time in all, s.
-    spec, site, positions
-        What it is the limit of.
-    times : sequence of float
-        Times that were asked for, s; the curve runs from a tenth of the shortest to ten times
-        the longest.
+    found : LimitTable
+        The curve runs from a tenth of its shortest time to ten times its longest.
     path : str or Path
         The HTML file.
+    interval : float
+        Sampling interval, s.
 
     Raises
     ------
     InputError
         If the file cannot be written.
     """
+    spec, site, positions = found.spec, found.site, found.positions
+    times = [each.duration for each in found.limits]
     t = np.geomspace(0.1 * min(times), 10.0 * max(times), 81)
-    sigma = np.array([at(float(x)).sigma_arcmin for x in t])
+    curve = limit_table(spec, site, [float(x) for x in t], positions, interval)
+    sigma = np.array([each.sigma_arcmin for each in curve.limits])
     layout = plot_layout(420, "time in all, s", "1 sigma, arcmin")
     for axis in ("xaxis", "yaxis"):
         layout[axis].update(type="log", exponentformat="power")
@@ -56,7 +46,7 @@ def limit_report(
         ],
         layout,
     )
-    best = at(max(times))
+    best = max(found.limits, key=lambda each: each.duration)
     rows = [
         ("instrument", spec.name),
         *(

@@ -10,7 +10,14 @@ import numpy as np
 from schuler.alignment.table_north import TableNorth
 from schuler.constants import DEG, DEG_PER_HOUR
 from schuler.reports.figures import BLUE, GREY, figure_of, line_of, plot_layout
-from schuler.reports.page import Drawing, Section, definition_table, graph_objects, write_page
+from schuler.reports.page import (
+    Drawing,
+    Section,
+    contradiction_box,
+    definition_table,
+    graph_objects,
+    write_page,
+)
 
 __all__ = ["north_report"]
 
@@ -44,9 +51,12 @@ def north_report(found: TableNorth, path: str | Path) -> None:
         plot_layout(420, "table angle, deg", "mean reading, deg/h"),
     )  # fmt: skip
     text = "Mean reading of each dwell against the table angle, and the cosine through them."
+    sigma = f"{found.sigma_deg:.2g}°"
     head = (
         "<h1>North by an indexing table</h1>"
-        f'<p class="value">{found.north_deg:.3f}° <span class="pm">± {found.sigma_deg:.2g}°</span>'
+        + contradiction_box(found.contradictions)
+        + f'<p class="value">{found.north_deg:.3f}° '
+        + f'<p class="value">{found.north_deg:.3f}° <span class="pm">± {sigma}</span>'
         '</p><p class="sub">table angle at which the input axis points north</p>'
     )
     rows = [

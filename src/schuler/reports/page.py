@@ -17,7 +17,9 @@ from schuler import __version__
 from schuler._files import replacing
 from schuler.errors import SchulerError
 
-__all__ = ["Drawing", "Section", "definition_table", "graph_objects", "write_page"]
+__all__ = [
+    "Drawing", "Section", "contradiction_box", "definition_table", "graph_objects", "write_page",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,14 @@ class Section:
     title: str
     html: str = ""
     drawings: Sequence[Drawing] = ()
+
+
+def contradiction_box(contradictions: Sequence[str]) -> str:
+    """Return what a record contradicts, in a box of its own; nothing where there is nothing."""
+    if not contradictions:
+        return ""
+    items = "".join(f"<li>{escape(text)}</li>" for text in contradictions)
+    return f'<ul class="contradictions" aria-label="Inconsistent">{items}</ul>'
 
 
 def definition_table(rows: Iterable[tuple[str, str]], caption: str) -> str:

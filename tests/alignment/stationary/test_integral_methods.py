@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,8 +20,9 @@ from schuler.errors import InputError
 from schuler.motion import DisturbedVehicle, Static
 from schuler.sensors import GRADES
 from schuler.simulation import simulate
+from tests.conftest import NORMAL_GRAVITY
 
-SITE, FOG = Site(40.0), GRADES["navigation-fog"]
+SITE, FOG = Site(40.0, **NORMAL_GRAVITY), GRADES["navigation-fog"]
 
 
 def run(seed, method, duration=200.0, crew=True):
@@ -58,7 +60,7 @@ def test_latitude_comes_out_with_its_sigma():
         rng = np.random.default_rng([seed, 10])
         lat = rng.uniform(-65, 65)
         motion = DisturbedVehicle.with_crew(rng, 200.0) if seed % 2 else Static(40.0)
-        made = simulate(motion, Site(lat), 200.0, 20.0, FOG, rng)
+        made = simulate(motion, Site(lat, **NORMAL_GRAVITY), 200.0, 20.0, FOG, rng)
         found = align_without_latitude(made.record, FOG)
         z.append((found.latitude - lat * DEG) / found.sigma)
         assert found.sigma < 0.2 * DEG
@@ -105,3 +107,15 @@ def test_comparison():
     assert "settle" in short.rows[0].note
     assert settle_time(align(record, SITE, "centred", FOG)) < 300.0
     json.dumps(found.to_dict(), allow_nan=False)
+    assert found.consistent
+    assert all(row.consistent for row in found.rows)
+
+
+def test_a_comparison_says_first_what_its_record_contradicts():
+    rng = np.random.default_rng(4)
+    record = simulate(Static(30.0), SITE, 120.0, 20.0, FOG, rng).record
+    wrong = replace(record, dvel=-record.dvel)
+    found = compare(wrong, SITE, FOG, (("auto", "none"),))
+    assert (found.consistent, found.rows[0].consistent) == (False, False)
+    assert str(found).startswith("INCONSISTENT: the gyros' mean rate")
+    assert found.to_dict()["contradictions"] == list(found.contradictions)

@@ -21,8 +21,9 @@ from schuler.kernels.ins_layout import DISPLACEMENT
 from schuler.motion import DisturbedVehicle, Lines, Static, Sway
 from schuler.sensors import GRADES
 from schuler.simulation import simulate
+from tests.conftest import NORMAL_GRAVITY
 
-SITE, FOG = Site(40.0), GRADES["navigation-fog"]
+SITE, FOG = Site(40.0, **NORMAL_GRAVITY), GRADES["navigation-fog"]
 FORMS = {
     "displacement": KalmanAlignment(),
     "without the base": KalmanAlignment(base=False),

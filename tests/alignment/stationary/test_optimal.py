@@ -17,6 +17,7 @@ from schuler.motion import DisturbedVehicle, Static
 from schuler.motion.turntable import Dwell, Turn, Turntable
 from schuler.sensors import GRADES, ImuSpec
 from schuler.simulation import simulate
+from tests.conftest import NORMAL_GRAVITY
 
 QUIET = ImuSpec.from_dict(
     {
@@ -25,6 +26,7 @@ QUIET = ImuSpec.from_dict(
     }
 )
 FOG = GRADES["navigation-fog"]
+SITE = Site(40.0, **NORMAL_GRAVITY)
 
 
 def errors(motion, duration, spec, site, seed, method="optimal", at="end", rate=20.0):
@@ -55,7 +57,11 @@ def band(runs, freedom, level=0.99):
 def test_at_rest_it_reaches_the_limit():
     """White noise alone: within 5 % of the limit and the standard error of 150 runs."""
     phi, nees, limit = many(
-        150, lambda rng: Static(rng.uniform(0, 360)), 300.0, QUIET, Site(34.2, 108.9, 400.0)
+        150,
+        lambda rng: Static(rng.uniform(0, 360)),
+        300.0,
+        QUIET,
+        Site(34.2, **NORMAL_GRAVITY),
     )
     spread = phi[:, 2].std() / limit[:, 2].mean()
     assert spread < 1.05 * (1 + 2.6 / np.sqrt(2 * 150))
@@ -69,8 +75,8 @@ def test_on_a_rocking_vehicle_it_beats_the_centred_estimate():
     def vehicle(rng):
         return DisturbedVehicle.with_crew(rng, 300.0, heading=rng.uniform(0, 360))
 
-    phi, nees, limit = many(80, vehicle, 300.0, FOG, Site(40.0), rate=100.0)
-    centred, _, _ = many(80, vehicle, 300.0, FOG, Site(40.0), method="centred", rate=100.0)
+    phi, nees, limit = many(80, vehicle, 300.0, FOG, SITE, rate=100.0)
+    centred, _, _ = many(80, vehicle, 300.0, FOG, SITE, method="centred", rate=100.0)
     ratio = np.sqrt(np.mean(phi[:, 2] ** 2) / np.mean(limit[:, 2] ** 2))
     assert ratio < 1.15 * (1 + 1.0 / np.sqrt(2 * 80))
     assert np.mean(phi[:, 2] ** 2) < 1.05 * np.mean(centred[:, 2] ** 2)
@@ -91,10 +97,10 @@ def test_two_positions_show_the_biases():
         gyro, accel = rng.normal(size=3) * FOG.gyro.bias, rng.normal(size=3)
         accel *= FOG.accelerometer.bias
         made = simulate(
-            table, Site(40.0), 600.0 + turn.time, 20.0, FOG, rng,
+            table, SITE, 600.0 + turn.time, 20.0, FOG, rng,
             gyro_bias=gyro, accel_bias=accel,
         )  # fmt: skip
-        fix = align(made.record, Site(40.0), spec=FOG, at="start")
+        fix = align(made.record, SITE, spec=FOG, at="start")
         back = euler_to_quat(made.euler_at(0)) * [1.0, -1.0, -1.0, -1.0]
         phi = -quat_to_rotvec(multiply(fix.quat_nb, back))
         off = np.concatenate([fix.gyro_bias - gyro, fix.accel_bias - accel])
@@ -106,7 +112,7 @@ def test_two_positions_show_the_biases():
         )
         up.append(phi[2] / ARCMIN)
     bound = position_limit(
-        FOG, Site(40.0), [Position(30.0), Position(210.0, turn=turn.time)]
+        FOG, SITE, [Position(30.0), Position(210.0, turn=turn.time)]
     ).sigma_arcmin[2]
     assert np.sqrt(np.mean(np.square(up))) < 1.15 * bound * (1 + 2.6 / np.sqrt(2 * runs))
     for k, freedom in ((0, 3), (1, 6)):
@@ -115,10 +121,10 @@ def test_two_positions_show_the_biases():
 
 
 def test_without_a_specification_it_says_what_it_can():
-    phi, fix = errors(lambda rng: Static(20.0), 120.0, QUIET, Site(40.0), 1)
+    phi, fix = errors(lambda rng: Static(20.0), 120.0, QUIET, SITE, 1)
     rng = np.random.default_rng([1, 5])
-    record = simulate(Static(20.0), Site(40.0), 120.0, 20.0, QUIET, rng).record
-    bare = align(record, Site(40.0), "optimal")
+    record = simulate(Static(20.0), SITE, 120.0, 20.0, QUIET, rng).record
+    bare = align(record, SITE, "optimal")
     assert abs(bare.heading_deg - fix.heading_deg) * 60 < 4 * bare.sigma_arcmin[2]
     assert bare.gyro_bias is None
     assert set(bare.budget) == {"disturbance"}
@@ -126,15 +132,23 @@ def test_without_a_specification_it_says_what_it_can():
 
 
 def test_auto_says_what_it_chose():
-    _, still = errors(lambda rng: Static(20.0), 120.0, QUIET, Site(40.0), 1, method="auto")
+    _, still = errors(lambda rng: Static(20.0), 120.0, QUIET, SITE, 1, method="auto")
     assert (str(still.method), "at rest" in still.why) == ("optimal", True)
     _, crew = errors(
-        lambda rng: DisturbedVehicle.draw(rng, 120.0), 120.0, FOG, Site(40.0), 1, method="auto"
+        lambda rng: DisturbedVehicle.draw(rng, 120.0),
+        120.0,
+        FOG,
+        SITE,
+        1,
+        method="auto",
     )
     assert "moves" in crew.why
     rng = np.random.default_rng(2)
     truck = DisturbedVehicle.draw(rng, 60.0)
-    bare = align(simulate(truck, Site(40.0), 60.0, 100.0, FOG, rng).record, Site(40.0))
+    bare = align(
+        simulate(truck, SITE, 60.0, 100.0, FOG, rng).record,
+        SITE,
+    )
     assert (str(bare.method), "no specification" in bare.why) == ("centred", True)
     assert parse_method(None) == Auto()
 
@@ -161,7 +175,11 @@ def test_the_last_dwell_shows_the_level_at_the_end():
     )
     turns = [Turn("psi", 70.0), Turn("theta", -40.0), Turn("gamma", 43.0)]
     table = Turntable([Dwell(100.0), *turns, Dwell(100.0)], (100.0, 5.0, -3.0))
-    duration, site, runs = 200.0 + sum(turn.time for turn in turns), Site(-28.0), 12
+    duration, site, runs = (
+        200.0 + sum(turn.time for turn in turns),
+        Site(-28.0, **NORMAL_GRAVITY),
+        12,
+    )
     for method in ("auto", "kalman-10"):
         nees, tilt = [], []
         for seed in range(runs):

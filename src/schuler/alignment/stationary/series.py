@@ -201,7 +201,7 @@ def with_tests(
     step = 1e-5
     sides = []
     for sign in (-1.0, 1.0):
-        there = Site((site.latitude + sign * step) / DEG, site.lon, site.height)
+        there = replace(site, lat=(site.latitude + sign * step) / DEG)
         direction = there.gravity * gravity_direction(there.latitude)
         sides.append(direction * h.block_means(TrackerNode.sum_gravity))
     # v is that of the true latitude, so the residual gains what G would.
