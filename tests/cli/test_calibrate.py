@@ -313,3 +313,61 @@ def test_poses_bad_options(cli, tmp_path):
         code, said, _ = cli("calibrate", "poses", *words)
         assert code == 2
         assert text in said
+
+
+def test_table_tests_end_in_one_calibration_file(cli, tmp_path):
+    pytest.importorskip("plotly")
+    from tests.calibration import test_table_test as table
+
+    motion, attitudes = table.table(table.SIX)
+    made = table.simulate(motion, table.SITE, np.floor(motion.period), 100.0, table.SPEC,
+                          np.random.default_rng(1))  # fmt: skip
+    record = table.off(made.record)
+    sc.write(record, tmp_path / "seven.parquet")
+    sc.write(table.turned(table.RATES, table.AXES), tmp_path / "turns.parquet")
+    (tmp_path / "seven.toml").write_text(
+        "".join(f"[[position]]\nattitude = {list(a)}\n" for a in attitudes), encoding="utf-8"
+    )
+    (tmp_path / "rates.toml").write_text(
+        "".join(
+            f'[[turn]]\naxis = {a.tolist()}\nrate = "{r} deg/s"\n'
+            for r, a in zip(table.RATES, table.AXES, strict=True)
+        ),
+        encoding="utf-8",
+    )
+    dwells = []
+    for k, part in enumerate(table.dwells_of(record, attitudes)):
+        if k != 4:
+            dwells.append(tmp_path / f"d{k}.npz")
+            sc.write(part, dwells[-1])
+    place = ("--lat", 48, "--height", 500)
+    code, text, _ = cli("calibrate", "sixpos", *dwells, *place, "--out", tmp_path / "six.toml")
+    assert code == 0, text
+    assert "accelerometer x: bias 30" in text
+    code, text, _ = cli(
+        "calibrate", "rate", tmp_path / "turns.parquet", "--sequence", tmp_path / "rates.toml",
+        "--lat", 48, "--base", tmp_path / "six.toml", "--out", tmp_path / "both.toml",
+    )  # fmt: skip
+    assert code == 0, text
+    both, six = (Calibration.from_toml(tmp_path / f"{name}.toml") for name in ("both", "six"))
+    np.testing.assert_array_equal(both.accel_matrix, six.accel_matrix)
+    np.testing.assert_allclose(both.gyro_matrix, np.linalg.inv(table.GYRO), atol=2e-5)
+    seven = ("calibrate", "turntable", tmp_path / "seven.parquet")
+    code, text, out = cli(*seven, "--sequence", tmp_path / "seven.toml", *place, "--base",
+                          tmp_path / "both.toml", "--report", tmp_path / "t.html", "--json",
+                          "-")  # fmt: skip
+    assert code == 0, text
+    data = json.loads(out)
+    schema("calibrate-table").validate(data)
+    assert data["found"] == ["accel_bias", "accel_matrix", "gyro_bias"]
+    assert "Stretches" in (tmp_path / "t.html").read_text(encoding="utf-8")
+    for words, said in (
+        ((*seven, *place), "say --positions"), ((*seven, "--positions", 18, *place), "found 7"),
+        ((*seven, "--positions", 6), "say --lat"),
+        (("calibrate", "rate", dwells[0], "--sequence", tmp_path / "rates.toml"), "say --lat"),
+        (("calibrate", "rate", dwells[0], "--sequence", tmp_path / "rates.toml", "--lat", 48),
+         "found 0 stretches"),
+    ):  # fmt: skip
+        code, text, _ = cli(*words)
+        assert code == 2
+        assert said in text

@@ -342,9 +342,9 @@ def test_write_errors(tmp_path: Path, rows: Array) -> None:
         write(record, tmp_path / "no" / "a.csv")
     with pytest.raises(InputError, match="no samples"):
         write(record.rows(0, 0), tmp_path / "a.csv")
-    four = ImuRecord(record.time, record.dt, np.ones((39, 4)), record.dvel)
-    with pytest.raises(InputError, match="this has 4 and 3"):
-        write(four, tmp_path / "a.csv")
+    two = ImuRecord(record.time, record.dt, np.ones((39, 2)), record.dvel)
+    with pytest.raises(InputError, match="this has 2 and 3"):
+        write(two, tmp_path / "a.csv")
 
 
 def test_a_failed_write_leaves_the_old_file(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler.cli.calibrate_centrifuge import centrifuge
+from schuler.cli.calibrate_table import rate, sixpos, turntable
 from schuler.cli.command import Group, echo, wants_text
 from schuler.cli.common import (
     Look,
@@ -284,4 +285,5 @@ def _print_systematic(fit: SystematicFit) -> None:
         echo(f"not shown: {name}")
 
 
-command.add_command(centrifuge)
+for _each in (centrifuge, sixpos, rate, turntable):
+    command.add_command(_each)

@@ -83,6 +83,47 @@ def _print(data: dict[str, Any]) -> None:
                        f"{n:.1f} m north")  # fmt: skip
 
 
+@command.command("run")
+@click.argument("scenario", type=InputFile(), metavar="SCENARIO.toml", shell_complete=scenarios)
+@click.option("--heading", type=Number(-360.0, 360.0, unit="deg"), metavar="DEG",
+              help="In place of the scenario's.")  # fmt: skip
+@click.option("--table", "table_to", type=OutputFile(".csv", ".parquet"), metavar="FILE",
+              help="Write all curves as a table: .csv or .parquet.")  # fmt: skip
+@click.option("--picture", "picture_to", type=OutputFile(".png", ".svg"), metavar="FILE",
+              help="Draw the curves as .png or .svg (needs matplotlib).")  # fmt: skip
+@json_option("Write ends, largest values and curves as JSON (- : here).")
+@report_option("Draw the curves.")
+def run(**options: Any) -> None:
+    """Draw position, velocity and attitude error over the hours: fixed, one axis, two axes.
+
+    \b
+      schuler rotation run four_gyro_rotation.toml --report hours.html
+      schuler rotation run four_gyro_rotation.toml --picture hours.svg --table hours.csv
+    """  # noqa: D301
+    from dataclasses import replace
+
+    from schuler.modulation import RotationCase, rotation_history
+
+    case = RotationCase.from_toml(options["scenario"])
+    if options["heading"] is not None:
+        case = replace(case, heading=options["heading"])
+    found = rotation_history(case)
+    if options["table_to"] is not None:
+        found.write_table(options["table_to"])
+    if options["json_to"] is not None:
+        emit_json(found.to_dict(), options["json_to"])
+    if options["picture_to"] is not None:
+        from schuler.reports.rotation import history_picture
+
+        history_picture(found, options["picture_to"])
+    if options["report_to"] is not None:
+        from schuler.reports.rotation import history_report
+
+        history_report(found, options["report_to"])
+    if wants_text():
+        echo(found)
+
+
 @command.command("residual")
 @click.argument("scheme", type=InputFile(), metavar="NAME|TOML")
 @click.option("--lat", type=Number(-90.0, 90.0, unit="deg"), default=45.0, show_default=True,

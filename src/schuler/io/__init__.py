@@ -17,6 +17,7 @@ from schuler.io.aiding import read_gnss, read_speed
 from schuler.io.content import Content, Reader
 from schuler.io.frames import from_pandas, from_pyins, from_xarray, to_pyins
 from schuler.io.mapping import Mapping
+from schuler.io.redundant import array_increments
 from schuler.io.registry import readers, register
 from schuler.io.source import Source
 from schuler.io.span import Span
@@ -29,6 +30,7 @@ __all__ = [
     "Mapping",
     "Reader",
     "Source",
+    "array_increments",
     "from_pandas",
     "from_pyins",
     "from_xarray",

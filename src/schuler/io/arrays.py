@@ -97,7 +97,11 @@ def from_arrays(names: Sequence[str], load: Callable[[str], Any], mapping: Mappi
             )
     if mapping.columns is not None:
         raise InputError("columns can be named only in a table (--variables matrix=NAME)")
-    gyro, accel = (_triple(v[key], _numbers(v[key], load)) for key in ("gyro", "accel"))
+    # One column for each gyro of an array, which `Mapping.roles` counts.
+    counts = {"gyro": 3 if mapping.array is None else len(mapping.roles) - 4, "accel": 3}
+    gyro, accel = (
+        _columns_of(v[key], _numbers(v[key], load), counts[key]) for key in ("gyro", "accel")
+    )
     n = len(gyro)
     if len(accel) != n:
         raise InputError(f"'{v['gyro']}' has {n} rows, but '{v['accel']}' has {len(accel)}")
@@ -169,12 +173,16 @@ def _numbers(name: str, load: Callable[[str], Any]) -> Array:
     return array.astype(np.float64, copy=False)
 
 
-def _triple(name: str, array: Array) -> Array:
-    if array.ndim == 2 and array.shape[1] == 3:
+def _columns_of(name: str, array: Array, count: int) -> Array:
+    if array.ndim == 2 and array.shape[1] == count:
         return array
-    if array.ndim == 2 and array.shape[0] == 3:
+    if array.ndim == 2 and array.shape[0] == count:
         return array.T
-    raise InputError(f"array '{name}' has shape {array.shape}, expected (n, 3)")
+    more = (
+        "; gyros of an array are fused by --array NAME, which says their geometry"
+        if count == 3 and array.ndim == 2 and 3 < min(array.shape) <= 64 else ""
+    )  # fmt: skip
+    raise InputError(f"array '{name}' has shape {array.shape}, expected (n, {count}){more}")
 
 
 def _line(name: str, array: Array, n: int) -> Array:

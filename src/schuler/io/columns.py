@@ -60,6 +60,12 @@ class Chosen:
         return Mapping(gyro=self.gyro, accel=self.accel, time=self.time)
 
 
+def _is_array(names: Sequence[str] | None) -> bool:
+    """Say whether four columns or more are named like the gyros of an array."""
+    roles = tuple(f"g{k}" for k in range(1, 65))
+    return sum(read_name(name, roles).role is not None for name in names or ()) >= 4
+
+
 def choose(names: Sequence[str] | None, count: int, mapping: Mapping) -> Chosen:
     """Work out the columns to take; the rules are those of `Mapping.columns`.
 
@@ -95,6 +101,8 @@ def choose(names: Sequence[str] | None, count: int, mapping: Mapping) -> Chosen:
         other = (
             "; accelerometers in a file of their own are joined by --accel-file" if apart else ""
         )
+        if mapping.array is None and {"gx", "gy", "gz"} <= set(missing) and _is_array(names):
+            other += "; gyros of an array are fused by --array NAME, which says their geometry"
         raise InputError(
             f"no column for {', '.join(missing)} was found; {listing}; name those that hold "
             f"{', '.join(roles)}, in this order, with --columns{other}"

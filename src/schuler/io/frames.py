@@ -64,7 +64,8 @@ def from_pandas(
     numbered = isinstance(index.dtype, np.dtype) and index.dtype.kind in "iuf"
     if given.rate is None and numbered and index.name is not None:
         names, columns = [str(index.name), *names], [index, *columns]
-    chosen = choose(names, len(names), Mapping() if own else given)
+    whole = Mapping(array=given.array)
+    chosen = choose(names, len(names), whole if own else given)
     picked: dict[int, Array] = {}
     for k in chosen.all:
         if not isinstance(columns[k].dtype, np.dtype) or columns[k].dtype.kind not in "iuf":

@@ -20,7 +20,7 @@ __all__ = ["Meaning", "settle"]
 #: fields that say what the numbers are, as against how the file is laid out
 _ABOUT = (
     "columns", "gyro", "accel", "time", "mean_rates", "axes", "rate", "start_time",
-    "coning_corrected", "sculling_corrected", "variables", "array",
+    "coning_corrected", "sculling_corrected", "variables",
 )  # fmt: skip
 
 
@@ -127,12 +127,17 @@ class Meaning:
         time : (n,) float64
             Its times, s.
         """
-        values = block[1]
-        columns = values.T if isinstance(values, np.ndarray) else values
-        out = self.gyro[0] * np.column_stack([np.asarray(c, np.float64) for c in columns[:-3]])
+        out = self.own_gyros(block)
         if self.kind == "increments" and len(time) > 1:
             out /= float(np.median(np.diff(time)))
-        return np.asarray(out)
+        return out
+
+    def own_gyros(self, block: Block) -> Array:
+        """Return an array's gyros (n, m) as they came: rates, rad/s, or increments, rad."""
+        values = block[1]
+        columns = values.T if isinstance(values, np.ndarray) else values
+        gyros = np.column_stack([np.asarray(c, np.float64) for c in columns[:-3]])
+        return np.asarray(self.gyro[0] * gyros)
 
 
 def settle(

@@ -51,7 +51,7 @@ class NpzReader:
                 return from_arrays(arrays.names, arrays.load, mapping)
             own = parse_own(str(arrays.load("schuler")), "into the array 'schuler'")
             rest = [name for name in arrays.names if name != "schuler"]
-            content = from_arrays(rest, arrays.load, Mapping())
+            content = from_arrays(rest, arrays.load, Mapping(array=mapping.array))
         content.said = own_mapping(own)
         content.name = own_name(own)
         content.complete = True

@@ -43,7 +43,8 @@ class ParquetReader:
             schema, rows = file.schema_arrow, int(file.metadata.num_rows)
             sealed, text = stated(file, path) is not None, about_of(file).get(b"schuler")
         own = None if text is None else parse_own(text, "into its metadata")
-        chosen = choose(schema.names, len(schema.names), Mapping() if own else mapping)
+        whole = Mapping(array=mapping.array)
+        chosen = choose(schema.names, len(schema.names), whole if own else mapping)
         for i in chosen.all:
             kind = schema.types[i]
             if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or _decimal(kind)):

@@ -402,6 +402,27 @@ class Source:
         # Where the stamps are not known yet, what the first pass finds is what is said.
         return clock.again() if clock.decided else clock
 
+    def array_blocks(self) -> Iterator[tuple[Any, Any]]:
+        """Yield time (n,), s, and an array's gyros (n, m).
+
+        Rates are rad/s; increments, in files of increments, rad.
+
+        Raises
+        ------
+        InputError
+            If no array was named (``array`` in the mapping).
+        """
+        if self._meaning.array is None:
+            raise InputError(f"{self._label}: name the array of its gyros (--array)")
+        done, clock = 0, self._pass()
+        try:
+            for block in self._content.blocks():
+                time = self._meaning.convert(block, done, clock)[0]
+                done += len(time)
+                yield time, self._meaning.own_gyros(block)
+        except InputError as error:
+            raise self._named(error) from None
+
     def read(self, *, start: RecordTime = None, stop: RecordTime = None) -> ImuRecord:
         """Read the file whole, or the stretch from `start` to `stop` (s, as in `chunks`).
 

@@ -54,7 +54,8 @@ class TextReader:
             with path.open("rb") as file:
                 head, dialect = b"", _look(file, mapping, False)[1]
         own = dialect.own
-        chosen = choose(dialect.names, dialect.count, Mapping() if own else mapping)
+        whole = Mapping(array=mapping.array)
+        chosen = choose(dialect.names, dialect.count, whole if own else mapping)
         instants, label, notes = _instants(dialect, chosen, mapping)
         table = TextTable(path, dialect, chosen.all, head=head, instants=instants, notes=notes)
         stamps, sample = table.first_rows(chosen)

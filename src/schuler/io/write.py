@@ -17,9 +17,14 @@ from schuler.record import ImuRecord
 
 __all__ = ["write"]
 
-#: columns of a saved table: increments over (t - dt, t], in right-forward-up axes
-_COLUMNS = ("t [s]", "dt [s]", "gx [rad]", "gy [rad]", "gz [rad]", "ax [m/s]", "ay [m/s]",
-            "az [m/s]")  # fmt: skip
+
+def _columns(gyros: int) -> list[str]:
+    """Return the columns of a saved table: increments over (t - dt, t], in right-forward-up axes.
+
+    The gyros of an array, each along its own axis, are numbered from 1.
+    """
+    names = ("gx", "gy", "gz") if gyros == 3 else tuple(f"g{k}" for k in range(1, gyros + 1))
+    return ["t [s]", "dt [s]", *(f"{g} [rad]" for g in names), "ax [m/s]", "ay [m/s]", "az [m/s]"]
 
 
 def write(record: ImuRecord, path: str | Path, *, overwrite: bool = True) -> None:
@@ -31,7 +36,7 @@ def write(record: ImuRecord, path: str | Path, *, overwrite: bool = True) -> Non
     Parameters
     ----------
     record : ImuRecord
-        With three gyros and three accelerometers.
+        With three gyros, or the gyros of an array, and three accelerometers.
     path : str or Path
         Its suffix chooses the format: .parquet, .csv or .npz.
     overwrite : bool
@@ -41,7 +46,7 @@ def write(record: ImuRecord, path: str | Path, *, overwrite: bool = True) -> Non
     ------
     InputError
         If the suffix is unknown, the file exists and must not be replaced, the record is empty
-        or has not three axes, or the file cannot be written.
+        or has not three gyros or more, or the file cannot be written.
     """
     path = Path(path)
     save = _WRITERS.get(path.suffix.lower())
@@ -51,15 +56,17 @@ def write(record: ImuRecord, path: str | Path, *, overwrite: bool = True) -> Non
         )
     if not len(record):
         raise InputError(f"{path}: the record has no samples, so there is nothing to write")
-    if record.dtheta.shape[1] != 3 or record.dvel.shape[1] != 3:
+    if record.dtheta.shape[1] < 3 or record.dvel.shape[1] != 3:
         raise InputError(
-            f"{path}: only records of three gyros and three accelerometers can be written, this "
-            f"has {record.dtheta.shape[1]} and {record.dvel.shape[1]}"
+            f"{path}: only records of three gyros or more and three accelerometers can be written, "
+            f"this has {record.dtheta.shape[1]} and {record.dvel.shape[1]}"
         )
     if path.exists() and not overwrite:
         raise InputError(f"{path}: is there already; remove it or allow it to be replaced")
+    gyros = record.dtheta.shape[1]
     about = json.dumps(
         {
+            **({} if gyros == 3 else {"gyros": gyros}),
             "version": 1,
             "kind": "increments",
             "axes": "RFU",
@@ -77,7 +84,8 @@ def _table(record: ImuRecord) -> Any:
 
     columns = [record.time, record.dt, *record.dtheta.T, *record.dvel.T]
     return pa.table(
-        [pa.array(np.ascontiguousarray(column)) for column in columns], names=list(_COLUMNS)
+        [pa.array(np.ascontiguousarray(column)) for column in columns],
+        names=_columns(record.dtheta.shape[1]),
     )
 
 
@@ -93,7 +101,7 @@ def _write_csv(record: ImuRecord, path: Path, about: str) -> None:
     from pyarrow import csv
 
     with path.open("wb") as file:
-        file.write(f"{MAGIC}{about}\n{','.join(_COLUMNS)}\n".encode())
+        file.write(f"{MAGIC}{about}\n{','.join(_columns(record.dtheta.shape[1]))}\n".encode())
         options = csv.WriteOptions(include_header=False, quoting_style="none")
         # Arrow writes the shortest text that reads back as the same number.
         csv.write_csv(_table(record), file, options)

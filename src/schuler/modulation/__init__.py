@@ -8,6 +8,7 @@ from schuler.modulation.compare import (
     compare_rotation,
     strapdown_end,
 )
+from schuler.modulation.history import RotationHistory, rotation_history
 from schuler.modulation.propagation import (
     TriadErrors,
     Turned,
@@ -20,6 +21,7 @@ from schuler.modulation.residual import SchemeResidual, optimise_scheme, scheme_
 __all__ = [
     "RotationCase",
     "RotationComparison",
+    "RotationHistory",
     "SchemeResidual",
     "TriadErrors",
     "Turned",
@@ -27,6 +29,7 @@ __all__ = [
     "end_errors",
     "error_series",
     "optimise_scheme",
+    "rotation_history",
     "scheme_residual",
     "strapdown_end",
     "turned",

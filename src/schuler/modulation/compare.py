@@ -158,7 +158,9 @@ def _scheme(table: Any, what: str, folder: Path) -> Scheme:
     if isinstance(table, str):
         return load_scheme(_beside(table, folder))
     check_keys(
-        table, ("scheme", "rate", "acceleration", "dwell", "travel", "encoder"), prefix=f"{what}."
+        table,
+        ("scheme", "rate", "acceleration", "dwell", "travel", "encoder", "first_turn", "start"),
+        prefix=f"{what}.",
     )
     name = _beside(str(table.get("scheme", "")), folder)
     if name.endswith(".toml"):
@@ -172,7 +174,19 @@ def _scheme(table: Any, what: str, folder: Path) -> Scheme:
         number(table.get("encoder", 0.0), f"{what}.encoder"),
     )
     dwell = parse(table["dwell"], "time", f"{what}.dwell") if "dwell" in table else None
-    return named_scheme(name, dwell=dwell, limits=limits)
+    first = table.get("first_turn", "counter-clockwise")
+    if first not in ("counter-clockwise", "clockwise"):
+        raise InputError(
+            f"{what}.first_turn: expected clockwise or counter-clockwise, got {first!r}"
+        )
+    if "start" in table:
+        if name != "reciprocating" or table["start"] not in ("middle", "end"):
+            raise InputError(
+                f"{what}.start: expected middle or end, of the scheme reciprocating, got "
+                f"{table['start']!r} of '{name}'"
+            )
+        name += "-from-end" if table["start"] == "end" else ""
+    return named_scheme(name, dwell=dwell, limits=limits, clockwise=first == "clockwise")
 
 
 @dataclass(frozen=True, eq=False)

@@ -336,7 +336,9 @@ SCHEMES = {
 }
 
 
-def named_scheme(name: str, *, dwell: float | None = None, limits: Limits | None = None) -> Scheme:
+def named_scheme(
+    name: str, *, dwell: float | None = None, limits: Limits | None = None, clockwise: bool = False
+) -> Scheme:
     """Return a scheme by its name in `SCHEMES`.
 
     Parameters
@@ -346,6 +348,8 @@ def named_scheme(name: str, *, dwell: float | None = None, limits: Limits | None
         Between turns, s, for schemes that have dwells: 60, or 20 for two axes, whose long rounds
         must stay well below the Schuler period.
     limits : Limits, optional
+    clockwise : bool
+        The first turn is clockwise as seen along -z, and every other one likewise the other way.
 
     Raises
     ------
@@ -370,7 +374,16 @@ def named_scheme(name: str, *, dwell: float | None = None, limits: Limits | None
         steps = _positions(_two_axis(int(name.rpartition("-")[2])), dwell, t)
     else:
         raise InputError(f"'{name}' is no scheme; there are {', '.join(SCHEMES)}")
+    if clockwise:
+        steps = tuple(_other_way(step) for step in steps)
+        name += ", clockwise first"
     return Scheme(name, steps, t)
+
+
+def _other_way(step: Dwell | Turn | Spin) -> Dwell | Turn | Spin:
+    if isinstance(step, Turn):
+        return replace(step, angle=-step.angle)
+    return replace(step, rate=-step.rate) if isinstance(step, Spin) else step
 
 
 def load_scheme(scheme: str | Path | Scheme, *, limits: Limits | None = None) -> Scheme:

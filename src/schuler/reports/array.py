@@ -10,11 +10,12 @@ import numpy as np
 
 from schuler.reports.figures import BLUE, GREEN, GREY, ORANGE, figure_of, line_of, plot_layout
 from schuler.reports.page import Drawing, Section, definition_table, graph_objects, write_page
-from schuler.sensors import Reliability, SensorArray, isolable, named_array
+from schuler.sensors import FaultScan, Reliability, SensorArray, isolable, named_array
 
-__all__ = ["array_report"]
+__all__ = ["array_report", "faults_report"]
 
 _MOST_BARS = 12
+_MOST_MODES = 24
 
 
 def array_report(array: SensorArray, reliability: Reliability, path: str | Path) -> None:
@@ -55,6 +56,10 @@ def array_report(array: SensorArray, reliability: Reliability, path: str | Path)
             (f"direction {k}", ", ".join(f"{v:.6f}" for v in row))
             for k, row in enumerate(array.h)
         ),
+        *(
+            (f"|det|, working {key}", f"{value:.4f}")
+            for key, value in list(array.subset_determinant().items())[:_MOST_MODES]
+        ),
         ("optimal (H^T H = n/3 I)", "yes" if figures["optimal"] else "no"),
         ("condition of H^T H", f"{figures['condition']:.4g}"),
         ("faults", told),
@@ -73,6 +78,84 @@ def array_report(array: SensorArray, reliability: Reliability, path: str | Path)
             Section("Figures", html=definition_table(rows, "Directions in body axes, and figures")),
         ],
     )
+
+
+def faults_report(found: FaultScan, path: str | Path) -> None:
+    """Write the page of a parity test over a record.
+
+    Parameters
+    ----------
+    found : FaultScan
+    path : str or Path
+        The HTML file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    go = graph_objects()
+    data = found.to_dict()
+    alarms = [e for e in found.events if e.action != "taken back"]
+    head = (
+        f"<h1>Faults · {escape(data['array'])}</h1>"
+        f'<p class="value">{len(alarms)} <span class="pm">fault(s)</span></p>'
+        f'<p class="sub">In {data["windows"]} windows of {data["window_s"]:g} s; false alarms '
+        f"{data['false_alarm_rate']:g} a window, {data['false_alarms_per_hour']:.3g} an hour. In "
+        f"use at the end: {', '.join(map(str, found.working))} of {len(found.test.array)}.</p>"
+    )
+    layout = plot_layout(380, "time, s", "parity, chi-square", hovermode="closest")
+    layout["yaxis"]["type"] = "log"
+    threshold = found.test.threshold
+    traces: list[Any] = [
+        line_of(found.time, np.maximum(found.statistic, 1e-3), "all gyros", BLUE,
+                hovertemplate="%{x:.1f} s: %{y:.3g}"),
+        line_of(found.time[[0, -1]], np.full(2, threshold), "threshold", GREY,
+                hovertemplate="%{y:.3g}"),
+    ]  # fmt: skip
+    if found.events:
+        traces.append(
+            go.Scatter(
+                x=[e.time for e in found.events], y=[threshold] * len(found.events),
+                mode="markers", name="events", marker={"color": ORANGE, "size": 11},
+                text=[f"{e.action}: gyro {e.gyro or 'unknown'}" for e in found.events],
+                hovertemplate="%{x:.2f} s: %{text}<extra></extra>",
+            )
+        )  # fmt: skip
+    text = "Squared parity of all gyros in each window, against what it exceeds by chance."
+    events = definition_table(
+        [
+            (
+                f"{e.time:.3f} s",
+                f"{'one gyro' if e.gyro is None else f'gyro {e.gyro}'} {e.action}: {e.reason}"
+                + ("" if e.onset is None else f"; since {e.onset:g} s, delay {e.delay:.3g} s"),
+            )
+            for e in found.events
+        ],
+        "Events",
+    )
+    rates = definition_table(
+        [
+            (
+                f"gyro {each['gyro']}",
+                "does not show in the parity" if each["smallest_fault_deg_h"] is None
+                else f"a step of {each['smallest_fault_deg_h']:.3g} deg/h is missed in 1 of 100 "
+                f"windows, found after {each['mean_delay_s']:.3g} s on the mean",
+            )
+            for each in data["gyros"]
+        ],
+        "What the test finds",
+    )  # fmt: skip
+    write_page(
+        path,
+        f"Faults: {data['array']}",
+        head,
+        [
+            Section("The test", html=events, drawings=[Drawing(figure_of(traces, layout), text,
+                                                               text)]),
+            Section("Rates", html=rates),
+        ],
+    )  # fmt: skip
 
 
 def _variances(array: SensorArray) -> Drawing:

@@ -1,4 +1,4 @@
-"""The page of ``schuler calibrate poses``."""
+"""Pages of ``schuler calibrate``: hand-held poses, and tests on a turntable."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.calibration import PosesFit
+from schuler.calibration import PosesFit, TableTest
+from schuler.constants import DEG_PER_HOUR, MICRO_G
 from schuler.reports.figures import BLUE, GREY, ORANGE, figure_of, plot_layout
 from schuler.reports.page import Drawing, Section, definition_table, graph_objects, write_page
 
-__all__ = ["poses_report"]
+__all__ = ["poses_report", "table_report"]
 
 Array = NDArray[np.float64]
 
@@ -113,3 +114,63 @@ def poses_report(fit: PosesFit, path: str | Path) -> None:
         f"{len(fit.dwells)} poses; gravity {fit.gravity:g} m/s²</p>"
     )
     write_page(path, f"Calibration by poses: {c.name}", head, sections)
+
+
+def table_report(test: TableTest, path: str | Path) -> None:
+    """Write the page of a test on a turntable.
+
+    Parameters
+    ----------
+    test : TableTest
+    path : str or Path
+        The HTML file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    SchulerError
+        If Plotly is not installed.
+    """
+    go = graph_objects()
+    rates = test.kind == "rates"
+    unit, factor = ("deg/h", DEG_PER_HOUR) if rates else ("ug", MICRO_G)
+    one = "turn" if rates else "dwell"
+    k = np.arange(1, len(test.stretches) + 1)
+    left = figure_of(
+        [
+            go.Bar(
+                x=k, y=test.residual[:, j] / factor, name=axis, marker={"color": colour},
+                hovertemplate=f"{one} %{{x}}: %{{y:.3g}} {unit}<extra>{axis}</extra>",
+            )
+            for j, (axis, colour) in enumerate(zip("xyz", (BLUE, ORANGE, GREY), strict=True))
+        ],
+        plot_layout(360, one, f"residual, {unit}", hovermode="closest", barmode="group"),
+    )  # fmt: skip
+    text = f"What the fit leaves of each {one}, by axis."
+    found = definition_table(
+        [(line.partition(":")[0], line.partition(":")[2]) for line in str(test).splitlines()[1:]],
+        "Found, with 1 sigma",
+    )
+    stretches = definition_table(
+        [
+            (f"{one} {i}", f"{a:.3f} to {b:.3f} s; true " + ", ".join(f"{v:.6f}" for v in row + 0.0)
+             + (" rad/s" if rates else " m/s²"))
+            for i, ((a, b), row) in enumerate(zip(test.stretches, test.truth, strict=True), 1)
+        ],
+        "Times, and what is true",
+    )  # fmt: skip
+    write_page(
+        path,
+        f"Calibration on a turntable: {test.calibration.name}",
+        f"<h1>Turntable · {escape(test.calibration.name)}</h1>"
+        f'<p class="value">{test.residual_rms / factor:.3g} {unit} '
+        f'<span class="pm">left, rms</span></p>'
+        f'<p class="sub">{len(k)} {one}s; found: '
+        f"{escape(', '.join(test.found).replace('_', ' '))}.</p>",
+        [
+            Section("Residuals", drawings=[Drawing(left, text, text)]),
+            Section("Coefficients", html=found),
+            Section("Stretches", html=stretches),
+        ],
+    )

@@ -7,12 +7,22 @@ from pathlib import Path
 
 import numpy as np
 
+from schuler._files import replacing
 from schuler.constants import DEG_PER_HOUR
-from schuler.modulation import RotationComparison
+from schuler.errors import InputError, SchulerError
+from schuler.modulation import RotationComparison, RotationHistory
+from schuler.modulation.history import QUANTITIES
 from schuler.reports.figures import BLUE, GREY, ORANGE, figure_of, line_of, plot_layout
 from schuler.reports.page import Drawing, Section, definition_table, graph_objects, write_page
 
-__all__ = ["rotation_report"]
+__all__ = ["history_picture", "history_report", "rotation_report"]
+
+_CURVES = (
+    ("east_m", "north_m", "distance_m"), ("v_east_m_s", "v_north_m_s"),
+    ("phi_east_arcmin", "phi_north_arcmin", "phi_up_arcmin"),
+)  # fmt: skip
+_COLOURS = {"fixed": GREY, "single_axis": ORANGE, "two_axis": BLUE}
+_WORDS = {"fixed": "fixed", "single_axis": "one axis", "two_axis": "two axes"}
 
 
 def rotation_report(found: RotationComparison, path: str | Path) -> None:
@@ -71,10 +81,10 @@ def rotation_report(found: RotationComparison, path: str | Path) -> None:
         Section(
             "All headings and latitudes",
             drawings=[
-                _map(found, one, "Reduction by one axis, %; red is worse than fixed (colours stop "
-                     "at ±100).", "reduction, %"),
-                _map(found, 100.0 * (1.0 - 1.0 / two), "Reduction by two axes, %.",
-                     "reduction, %"),
+                _map(found, m["fixed"] / np.maximum(m["single_axis"], 1e-9),
+                     "One axis: how many times smaller the error is than fixed; red is worse."),
+                _map(found, two,
+                     "Two axes, in the same colours: how many times smaller the error is."),
             ],
         ),
         Section("Inputs", html=definition_table(rows, "What was compared")),
@@ -82,14 +92,119 @@ def rotation_report(found: RotationComparison, path: str | Path) -> None:
     write_page(path, f"Rotation: {case.name}", head, sections)
 
 
-def _map(found: RotationComparison, values: np.ndarray, text: str, label: str) -> Drawing:
+def history_report(found: RotationHistory, path: str | Path) -> None:
+    """Write the page of errors over the hours.
+
+    Parameters
+    ----------
+    found : RotationHistory
+    path : str or Path
+        The HTML file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    case = found.case
+    hours = found.time / 3600.0
+    one, two = (found.reduction(name) for name in ("single_axis", "two_axis"))
+    head = (
+        f"<h1>Rotation · {escape(case.name)}</h1>"
+        f'<p class="value">{one:.1f} % <span class="pm">less by one axis, {two:.1f} % by two'
+        f'</span></p><p class="sub">Position error after {case.duration / 3600:g} h at rest, '
+        f"latitude {case.site.lat:g}°, heading {case.heading % 360:g}°; another heading can give "
+        "quite another figure.</p>"
+    )
+    sections = []
+    for title, keys in zip(("Position", "Velocity", "Attitude"), _CURVES, strict=True):
+        drawings = []
+        for key in keys:
+            words, unit = QUANTITIES[key]
+            traces = [
+                line_of(hours, table[key], _WORDS[name], _COLOURS[name],
+                        hovertemplate=f"%{{y:.4g}} {unit}")
+                for name, table in found.series.items()
+            ]  # fmt: skip
+            text = f"{words.capitalize()}, {unit}, over the hours."
+            drawings.append(
+                Drawing(figure_of(traces, plot_layout(300, "time, h", f"{words}, {unit}")), text,
+                        text)
+            )  # fmt: skip
+        sections.append(Section(title, drawings=drawings))
+    rows = [
+        ("array", case.array.name),
+        ("single axis", f"{case.single.name}, period {case.single.period:.5g} s"),
+        ("two axes", f"{case.double.name}, period {case.double.period:.5g} s"),
+    ]
+    sections.append(Section("Inputs", html=definition_table(rows, "What was propagated")))
+    write_page(path, f"Rotation over the hours: {case.name}", head, sections)
+
+
+def history_picture(found: RotationHistory, path: str | Path) -> None:
+    """Draw all curves as a PNG or SVG.
+
+    Parameters
+    ----------
+    found : RotationHistory
+    path : str or Path
+        Ends on .png or .svg.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another, or the file cannot be written.
+    SchulerError
+        If matplotlib is not installed.
+    """
+    path = Path(path)
+    if path.suffix not in (".png", ".svg"):
+        raise InputError(f"{path}: a picture is written as .png or .svg")
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise SchulerError(
+            "pictures need matplotlib, which is not installed: pip install matplotlib"
+        ) from None
+    keys = [key for group in _CURVES for key in group]
+    figure = Figure(figsize=(11.0, 13.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(4, 2, sharex=True).ravel()
+    hours = found.time / 3600.0
+    for axis, key in zip(axes, keys, strict=True):
+        words, unit = QUANTITIES[key]
+        for name, table in found.series.items():
+            axis.plot(hours, table[key], color=_COLOURS[name], label=_WORDS[name], linewidth=1.2)
+        axis.set_ylabel(f"{words}, {unit}")
+        axis.grid(alpha=0.3)
+    for axis in axes[-2:]:
+        axis.set_xlabel("time, h")
+    axes[0].legend()
+    case = found.case
+    figure.suptitle(
+        f"{case.name}: latitude {case.site.lat:g} deg, heading {case.heading % 360:g} deg; at the "
+        f"end {found.reduction('single_axis'):.1f} % less by one axis, "
+        f"{found.reduction('two_axis'):.1f} % by two"
+    )
+    with replacing(path) as part:
+        figure.savefig(part, format=path.suffix[1:], metadata={"Date": None} if
+                       path.suffix == ".svg" else None)  # fmt: skip
+
+
+def _map(found: RotationComparison, ratio: np.ndarray, text: str) -> Drawing:
+    """Draw error fixed over error turned, by its logarithm: both maps have one scale."""
     go = graph_objects()
     case = found.case
+    ticks = (0.1, 0.3, 1, 3, 10, 30, 100)
     trace = go.Heatmap(
-        x=case.headings, y=case.latitudes, z=np.round(values, 2), zmin=-100, zmax=100,
+        x=case.headings, y=case.latitudes, z=np.log10(ratio), customdata=ratio, zmin=-2, zmax=2,
         colorscale=[[0, "#b2182b"], [0.5, "#f7f7f7"], [1, "#2166ac"]],
-        colorbar={"title": {"text": label}},
-        hovertemplate="heading %{x}, latitude %{y}: %{z:.1f} %<extra></extra>",
+        colorbar={
+            "title": {"text": "fixed / turned"}, "tickvals": np.log10(ticks).tolist(),
+            "ticktext": [f"{t:g}" for t in ticks],
+        },
+        hovertemplate="heading %{x}, latitude %{y}: %{customdata:.3g} times<extra></extra>",
     )  # fmt: skip
     layout = plot_layout(380, "heading, deg", "latitude, deg", hovermode="closest")
     return Drawing(figure_of([trace], layout), text, text)

@@ -6,6 +6,7 @@ from schuler.sensors.array import ARRAYS, AxesFit, SensorArray, fit_axes, load_a
 from schuler.sensors.design import Mounting, design_array
 from schuler.sensors.draw import Imperfections, draw
 from schuler.sensors.errors import GRADES, AccelerometerSpec, GyroSpec, ImuSpec, load_spec
+from schuler.sensors.fault_scan import FaultEvent, FaultScan, scan_faults
 from schuler.sensors.faults import (
     Blame,
     Fault,
@@ -16,16 +17,20 @@ from schuler.sensors.faults import (
     isolable,
     parity_matrix,
 )
+from schuler.sensors.figures import ArrayFigures
 from schuler.sensors.reliability import Lifetime, Reliability
 
 __all__ = [
     "ARRAYS",
     "GRADES",
     "AccelerometerSpec",
+    "ArrayFigures",
     "AxesFit",
     "Blame",
     "Fault",
+    "FaultEvent",
     "FaultMonitor",
+    "FaultScan",
     "GyroSpec",
     "Imperfections",
     "ImuSpec",
@@ -44,4 +49,5 @@ __all__ = [
     "load_spec",
     "named_array",
     "parity_matrix",
+    "scan_faults",
 ]

@@ -213,6 +213,15 @@ class SensorArray:
         """Return the per-axis variance of every set that measures all axes: "0,1,2" -> (3,)."""
         return {",".join(map(str, s)): self.variance(s).tolist() for s in self.subsets()}
 
+    def subset_determinant(self) -> dict[str, float]:
+        """Return sqrt(det(H^T H)) of every set that measures all axes, |det H| for three."""
+        return {
+            ",".join(map(str, s)): float(
+                np.sqrt(np.linalg.det(self.h[list(s)].T @ self.h[list(s)]))
+            )
+            for s in self.subsets()
+        }
+
     def figures(self) -> dict[str, Any]:
         """Return what the geometry is worth, with all sensors and after any one failure.
 

@@ -354,6 +354,7 @@ class FaultMonitor:
         self._good: dict[int, int] = {}
         self._tests: dict[tuple[int, ...], ParityTest] = {}
         self._silent = False
+        self._unseen = 0
 
     @property
     def working(self) -> list[int]:
@@ -403,7 +404,9 @@ class FaultMonitor:
                     f"{len(working)} sensors show that one is wrong, not which: blame needs five, "
                     "or a rate known from elsewhere (an alignment, a turn of the table)",
                 )  # fmt: skip
-            self._silent = seen
+            # A window that misses does not end a fault: only as many as heal a sensor.
+            self._unseen = 0 if seen else self._unseen + 1
+            self._silent = seen or (self._silent and self._unseen < self.heal)
         self._reconsider(time, rows)
 
     def _reconsider(self, time: float, rows: Array) -> None:
