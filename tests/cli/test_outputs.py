@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+import subprocess
 import sys
 import threading
 from importlib import import_module
@@ -226,3 +227,23 @@ def test_the_files_of_a_campaign_are_no_outputs(run, tmp_path, monkeypatch):
         assert done.code == 2, done
         assert "the campaign's store" in done.err
     assert (tmp_path / "o" / "results.parquet").read_bytes() == before
+
+
+def test_a_name_that_is_no_text(tmp_path: Path) -> None:
+    """A name on a disk may be any bytes: what is written and read there is whole."""
+    odd = os.fsencode(tmp_path) + b"/\xff"
+    try:
+        os.mkdir(odd)
+    except OSError:
+        pytest.skip("this file system takes names in UTF-8 only")
+
+    def run(*words: str | bytes) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "schuler", *words], capture_output=True, text=True, timeout=300
+        )
+
+    done = run("demo", "--out", odd, "--minutes", "0.2")
+    assert done.returncode == 0, done.stderr
+    again = run("align", odd + b"/demo.parquet", "--lat", "40", "--json", "-")
+    assert again.returncode == 0, again.stderr
+    assert '"schema": "schuler.alignment/3"' in again.stdout

@@ -150,4 +150,4 @@ def save_spec(
             "# [accelerometer], or say --gyro-bias and --accel-bias.\n"
         )
     with replacing(path) as temporary:
-        temporary.write_text(head + text, encoding="utf-8")
+        temporary.write_text(head + text, encoding="utf-8", errors="replace")

@@ -112,7 +112,7 @@ class Calibration:
                     table[f"{item}_sigma"] = self.sigma[f"{part}_{item}"].tolist()
             data[part] = table
         with replacing(path) as temporary:
-            temporary.write_text(tomli_w.dumps(data), encoding="utf-8")
+            temporary.write_text(tomli_w.dumps(data), encoding="utf-8", errors="replace")
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Calibration:

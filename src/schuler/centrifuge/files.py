@@ -349,9 +349,9 @@ def write_outputs(
             import pyarrow as pa
             import pyarrow.parquet as pq
 
-            pq.write_table(
-                pa.table(dict(zip(_COLUMNS, (position, time, *flat.T), strict=True))), part
-            )
+            table = pa.table(dict(zip(_COLUMNS, (position, time, *flat.T), strict=True)))
+            with part.open("wb") as sink:
+                pq.write_table(table, sink)
     if truth is not None:
         _write_truth(outputs_truth_path(path), plant, scheme, truth)
 
@@ -373,7 +373,7 @@ def _write_truth(path: Path, plant: Plant, scheme: CentrifugeScheme, truth: Arra
     }
     data = {"plant": own, "scheme": scheme.to_dict(), "truth": table}
     with replacing(path) as part:
-        part.write_text(tomli_w.dumps(data), encoding="utf-8")
+        part.write_text(tomli_w.dumps(data), encoding="utf-8", errors="replace")
 
 
 def read_outputs(
@@ -442,7 +442,8 @@ def _columns(path: Path) -> dict[str, Array]:
             import pyarrow.parquet as pq
 
             try:
-                found = pq.read_table(path)
+                with path.open("rb") as stored:
+                    found = pq.read_table(stored)
             except pa.ArrowInvalid:
                 raise InputError(f"{path}: is not a Parquet file") from None
             table = {k: np.asarray(found[k], np.float64) for k in found.column_names}

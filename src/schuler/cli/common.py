@@ -348,7 +348,7 @@ def emit_json(data: dict[str, Any], target: str) -> None:
     from schuler._files import replacing
 
     with replacing(Path(target)) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def say_warnings(texts: Iterable[str]) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -98,9 +98,20 @@ def write_sealed(table: Any, path: Path, about: Mapping[str, str], **options: An
     for batch in table.to_batches():
         seal.add(batch)
     metadata.update(dict.fromkeys(_KEYS, seal.digest()))
-    parquet.write_table(
-        table.replace_schema_metadata(metadata), path, write_page_checksum=True, **options
-    )
+    # Arrow takes names in UTF-8 only; a name on a disk may be any bytes.
+    with path.open("wb") as out:
+        parquet.write_table(
+            table.replace_schema_metadata(metadata), out, write_page_checksum=True, **options
+        )
+
+
+def _for_arrow(path: Path) -> AbstractContextManager[Any]:
+    """Return a path as Arrow takes it: itself, or an open file where its name is not UTF-8."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return path.open("rb")
+    return nullcontext(path)
 
 
 @contextmanager
@@ -117,7 +128,10 @@ def opened_parquet(path: Path, **options: Any) -> Iterator[Any]:
     from pyarrow import parquet
 
     try:
-        with parquet.ParquetFile(path, page_checksum_verification=True, **options) as file:
+        with (
+            _for_arrow(path) as source,
+            parquet.ParquetFile(source, page_checksum_verification=True, **options) as file,
+        ):
             yield file
     except (InputError, GeneratorExit):
         raise

@@ -123,7 +123,8 @@ class RotationHistory(Shown):
                 import pyarrow as pa
                 import pyarrow.parquet as pq
 
-                pq.write_table(pa.table(columns), part)
+                with part.open("wb") as sink:
+                    pq.write_table(pa.table(columns), sink)
 
     def __str__(self) -> str:
         case = self.case

@@ -130,4 +130,4 @@ def write_page(path: str | Path, title: str, head_html: str, sections: Sequence[
         f"<script>{library}</script><script>{script}</script></body></html>\n"
     )
     with replacing(path) as temporary:
-        temporary.write_text(page, encoding="utf-8")
+        temporary.write_text(page, encoding="utf-8", errors="backslashreplace")
