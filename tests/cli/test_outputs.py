@@ -49,7 +49,8 @@ def words_for(words, command, path):
         if isinstance(param, click.Argument):
             out.append(str(path) if isinstance(param.type, InputFile) else "x")
         elif param.required:
-            out += [param.opts[0], FILLED[param.opts[0]]]
+            named = isinstance(param.type, InputFile)
+            out += [param.opts[0], str(path) if named else FILLED[param.opts[0]]]
     return out
 
 
@@ -229,7 +230,7 @@ def test_the_files_of_a_campaign_are_no_outputs(run, tmp_path, monkeypatch):
     assert (tmp_path / "o" / "results.parquet").read_bytes() == before
 
 
-def test_a_name_that_is_no_text(tmp_path: Path) -> None:
+def test_a_name_that_is_no_text(tmp_path):
     """A name on a disk may be any bytes: what is written and read there is whole."""
     odd = os.fsencode(tmp_path) + b"/\xff"
     try:
@@ -237,7 +238,7 @@ def test_a_name_that_is_no_text(tmp_path: Path) -> None:
     except OSError:
         pytest.skip("this file system takes names in UTF-8 only")
 
-    def run(*words: str | bytes) -> subprocess.CompletedProcess[str]:
+    def run(*words):
         return subprocess.run(
             [sys.executable, "-m", "schuler", *words], capture_output=True, text=True, timeout=300
         )

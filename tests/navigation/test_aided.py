@@ -133,7 +133,7 @@ def test_a_real_drive(data_dir):
     found = navigate_aided(record, gnss, options=options, outages=Outages(15.0, 45.0))
     assert found.consistent
     assert found.estimated["mount_deg"]["yaw"][0] == pytest.approx(-5.4, abs=0.3)
-    assert abs(found.estimated["mount_deg"]["pitch"][0]) == pytest.approx(6.7, abs=0.5)
+    assert found.estimated["mount_deg"]["pitch"][0] == pytest.approx(6.7, abs=0.5)
     assert -0.2 < found.estimated["delay_s"]["gnss"][0] < -0.1
     assert found.outages["forward"]["rms_horizontal_m"] < 12.0
     assert found.outages["smoothed"]["rms_horizontal_m"] < 0.65

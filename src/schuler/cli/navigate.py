@@ -1,4 +1,4 @@
-"""The command ``schuler navigate``: by free-inertial navigation, from a start to an end."""
+"""The command ``schuler navigate``: free-inertial from a known start, or aided."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler import __version__
+from schuler.cli.aided import aiding_options, navigate_with_aids, taken
 from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
 from schuler.cli.common import (
     Look,
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from schuler.earth import Site
     from schuler.navigation import Evaluation, Navigator, Start
     from schuler.record import ImuRecord
+    from schuler.sensors import ImuSpec
     from schuler.trajectory import Trajectory
 
 __all__ = ["command"]
@@ -98,12 +100,14 @@ __all__ = ["command"]
     metavar="FILE",
     help="Compare with this path (CSV with names, or Parquet).",
 )
+@aiding_options
 @json_option()
 @report_option("Write an interactive report.")
 def command(**options: Any) -> int:
-    """Navigate FILE free-inertially (- : standard input), from a known start.
+    """Navigate FILE (- : standard input): free-inertially from a known start, or with --gnss aided.
 
     \b
+      schuler navigate drive.csv --gnss car.pos --nhc --zupt --estimate delay,mount --smooth
       schuler navigate flight.csv --lat 34.2 --lon 108.9 --height 100 --heading 40 --velocity 38,46,0
       schuler navigate truck.parquet --lat 34.2 --lon 108.9 --align 300s --reference truth.parquet
     """  # noqa: D301, E501
@@ -120,7 +124,11 @@ def command(**options: Any) -> int:
     spec, every = load_spec(options.pop("spec")), options.pop("every")
     out_to, json_to, report_to = (options.pop(key) for key in ("out_to", "json_to", "report_to"))
     start, stop = options.pop("start"), options.pop("stop")
-    against = options.pop("reference")
+    against, aids = options.pop("reference"), taken(options)
+    if aids["gnss"] is not None:
+        options.update(start=start, stop=stop)
+        return _aided(options, aids, angles, velocity, spec, align_for, every, against,
+                      (out_to, json_to, report_to))  # fmt: skip
     if align_for is not None and any(v is not None for v in angles.values()):
         raise InputError("--align finds the attitude: leave out --heading, --pitch and --roll")
     if align_for is None and angles["heading"] is None:
@@ -173,6 +181,23 @@ def command(**options: Any) -> int:
     return CONTRADICTED if contradicted else 0
 
 
+def _aided(
+    options: dict[str, Any], aids: dict[str, Any], angles: dict[str, float | None], velocity: Any,
+    spec: ImuSpec | None, align_for: float | None, every: int | None, against: Any, outputs: Any,
+) -> int:  # fmt: skip
+    """Navigate with aids, from a start that is given or found."""
+    for name, value in (("--align", align_for), ("--every", every), ("--reference", against)):
+        if value is not None:
+            raise InputError(f"{name} is for free-inertial navigation: leave it out beside --gnss")
+    place = site_or_none(options)
+    start: Start | None = None
+    if angles["heading"] is not None:
+        if place is None:
+            raise InputError("a start's attitude needs its place: say --lat, --lon and --height")
+        start = _start(place, angles, velocity, None)
+    return navigate_with_aids(options, aids, start, spec, outputs)
+
+
 def _velocity(text: str | None) -> tuple[float, float, float]:
     if text is None:
         return 0.0, 0.0, 0.0
@@ -223,7 +248,7 @@ def _data(
 ) -> dict[str, Any]:  # fmt: skip
     begin = path.rows(slice(0, 1)).final
     return {
-        "schema": "schuler.navigation/2",
+        "schema": "schuler.navigation/3",
         "schuler": __version__,
         "file": str(source.path),
         **source.how_read(),

@@ -356,10 +356,14 @@ def _estimates(
 def _mount(
     flt: ErrorStateFilter, aid: BodyVelocity, group: str, sigma: Array
 ) -> dict[str, list[float]]:
-    """Return yaw and pitch of the mounting: how the vehicle's axes see the body's, deg."""
+    """Return how the body's axes are turned against the vehicle's, deg.
+
+    Yaw is positive where the body's forward axis points left of travel, pitch where it points
+    below it, roll where its right side is up.
+    """
     value, spread = flt.parameter(group), sigma[flt.layout[group]]
     out = {}
     for k, axis in enumerate(aid.mount_axes):
-        name = {"x": "pitch", "y": "roll", "z": "yaw"}[axis]
-        out[name] = [float(value[k]) / DEG, float(spread[k]) / DEG]
+        name, sign = {"x": ("pitch", -1.0), "y": ("roll", -1.0), "z": ("yaw", 1.0)}[axis]
+        out[name] = [sign * float(value[k]) / DEG, float(spread[k]) / DEG]
     return out
