@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import sys
 import tempfile
 import traceback
@@ -16,6 +15,7 @@ import traceback
 import click.testing  # noqa: F401  (before the streams are changed)
 
 from schuler.cli import main
+from tests.fuzz.worker import peak
 
 
 def run(words: list[str]) -> dict[str, object]:
@@ -42,8 +42,7 @@ def run(words: list[str]) -> dict[str, object]:
         for file in (out, err):
             file.seek(0)
             texts.append(file.read(200_000).decode(errors="replace"))
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return {"code": code, "out": texts[0], "err": texts[1], "peak_kb": peak}
+    return {"code": code, "out": texts[0], "err": texts[1], "peak_kb": peak() // 1024}
 
 
 if __name__ == "__main__":
