@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import jsonschema
@@ -11,8 +12,11 @@ import pytest
 
 from schuler.constants import DEG
 from schuler.io import write
-from tests.cli.conftest import Run
 from tests.navigation.test_aided import drive
+
+from .conftest import Ran
+
+Run = Callable[..., Ran]
 
 
 @pytest.fixture(scope="module")
@@ -42,11 +46,15 @@ def test_json_fits_its_schema(run: Run, files: tuple[Path, Path], root: Path) ->
 
 
 def test_text_names_what_was_used(run: Run, files: tuple[Path, Path], tmp_path: Path) -> None:
-    ran = run("navigate", files[0], "--gnss", files[1], "--out", tmp_path / "p.parquet")
+    ran = run("navigate", files[0], "--gnss", files[1], "--out", tmp_path / "p.parquet",
+              "--report", tmp_path / "p.html")  # fmt: skip
     assert ran.code == 0, ran.err
     assert "by aided navigation (" in ran.out
     assert "no specification was given" in ran.err
     assert (tmp_path / "p.parquet").is_file()
+    page = (tmp_path / "p.html").read_text(encoding="utf-8")
+    assert "Innovations" in page
+    assert "free-inertial" not in page
 
 
 @pytest.mark.parametrize(

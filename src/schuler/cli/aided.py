@@ -157,9 +157,9 @@ def navigate_with_aids(
     if json_to is not None:
         emit_json(_data(found, source), json_to)
     if report_to is not None:
-        from schuler.reports.navigation import navigation_report
+        from schuler.reports.aided import aided_report
 
-        navigation_report(found.path, None, report_to)
+        aided_report(found, report_to)
     if wants_text():
         echo(str(found))
     finish()

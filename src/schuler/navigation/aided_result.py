@@ -24,7 +24,7 @@ from schuler.trajectory import Trajectory
 if TYPE_CHECKING:
     from schuler.ins import Smoothed
 
-__all__ = ["AidedNavigation", "finished"]
+__all__ = ["AidedNavigation", "estimate_rows", "finished"]
 
 Array = NDArray[np.float64]
 
@@ -91,8 +91,7 @@ class AidedNavigation(Shown):
         for aid, count in self.refused.items():
             if count:
                 lines.append(f"refused   {count} of {aid}")
-        for name, value in self.estimated.items():
-            lines += _lines(name, value)
+        lines += [f"estimated {name}: {told}" for name, told in estimate_rows(self.estimated)]
         if self.outages is not None:
             o = self.outages
             for way in ("forward", "smoothed"):
@@ -106,19 +105,24 @@ class AidedNavigation(Shown):
         return "\n".join(lines)
 
 
-def _lines(name: str, value: Any) -> list[str]:
-    """Say an estimate with its 1-sigma."""
-    plain = name.replace("_deg_h", " deg/h").replace("_deg", " deg").replace("_ug", " ug")
-    plain = plain.replace("_s", " s") if name.endswith("_s") else plain.replace("_m", " m")
-    plain = plain.replace("_", " ")
-    if isinstance(value, Mapping):
-        return [line for key, each in value.items() for line in _lines(f"{key} {name}", each)]
-    centre, sigma = value
-    if isinstance(centre, list):
+def estimate_rows(estimated: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return names and values with 1-sigma of what was estimated, in words."""
+    out: list[tuple[str, str]] = []
+    for name, value in estimated.items():
+        if isinstance(value, Mapping):
+            out += estimate_rows({f"{key} {name}": each for key, each in value.items()})
+            continue
+        plain, unit = name, ""
+        for end, said in _UNITS.items():
+            if name.endswith(end):
+                plain, unit = name.removesuffix(end), f" {said}"
+        centre, sigma = (np.atleast_1d(np.asarray(x, np.float64)) for x in value)
         told = ", ".join(f"{c:.4g} ± {s:.2g}" for c, s in zip(centre, sigma, strict=True))
-    else:
-        told = f"{centre:.4g} ± {sigma:.2g}"
-    return [f"estimated {plain}: {told}"]
+        out.append((plain.replace("_", " "), told + unit))
+    return out
+
+
+_UNITS = {"_s": "s", "_m": "m", "_deg": "deg", "_deg_h": "deg/h", "_ug": "ug"}
 
 
 def finished(

@@ -24,7 +24,7 @@ from schuler.reports.figures import (
 from schuler.reports.page import Drawing, Section, definition_table, write_page
 from schuler.trajectory import Trajectory
 
-__all__ = ["navigation_report"]
+__all__ = ["local_way", "navigation_report"]
 
 
 def navigation_report(path: Trajectory, evaluation: Evaluation | None, to: str | File) -> None:
@@ -86,13 +86,19 @@ def _thinned(n: int) -> Any:
     return np.unique(np.linspace(0, n - 1, min(n, POINTS)).astype(int))
 
 
+def local_way(path: Trajectory, origin: Trajectory) -> tuple[Any, Any]:
+    """Return east and north of the first point of another trajectory, m."""
+    lat, lon, _ = path.position.T
+    first, beside, up = origin.position[0]
+    rm, rn = radii(first)
+    east = (np.unwrap(lon) - beside + np.pi) % (2.0 * np.pi) - np.pi
+    x = np.unwrap(east) * np.cos(first) * (float(rn) + up)
+    return x, (lat - first) * (float(rm) + up)
+
+
 def _track(path: Trajectory) -> Drawing:
     k = _thinned(len(path))
-    lat, lon, height = path.position[k].T
-    rm, rn = radii(lat[0])
-    east = np.unwrap(lon) - lon[0]
-    x = east * np.cos(lat[0]) * (float(rn) + height[0])
-    y = (lat - lat[0]) * (float(rm) + height[0])
+    x, y = local_way(path.rows(k), path)
     layout = plot_layout(460, "east, m", "north, m", hovermode="closest")
     layout["yaxis"]["scaleanchor"] = "x"
     text = "The way over ground, from the start."

@@ -1,0 +1,166 @@
+"""The page of an aided navigation: way, height, attitude, innovations, estimates, score."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.attitude import psi_to_heading
+from schuler.constants import DEG
+from schuler.navigation import AidedNavigation
+from schuler.navigation.aided_result import estimate_rows
+from schuler.reports.figures import (
+    BLUE,
+    GREY,
+    ORANGE,
+    POINTS,
+    figure_of,
+    line_of,
+    plot_layout,
+)
+from schuler.reports.navigation import local_way
+from schuler.reports.page import (
+    Drawing,
+    Section,
+    contradiction_box,
+    definition_table,
+    graph_objects,
+    write_page,
+)
+
+__all__ = ["aided_report"]
+
+Array = NDArray[np.float64]
+
+_AXES = (("east", BLUE), ("north", ORANGE), ("up", GREY))
+
+
+def aided_report(found: AidedNavigation, to: str | Path) -> None:
+    """Write the page.
+
+    Parameters
+    ----------
+    found : AidedNavigation
+    to : str or Path
+        The HTML file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    path = found.path
+    said = " + ".join(f"{n} {escape(name)}" for name, n in found.used.items())
+    value, sub = f"{path.time[-1] - path.time[0]:.6g} s aided", said
+    rows: list[tuple[str, str]] = []
+    if found.outages is not None:
+        o = found.outages
+        for way in ("forward", "smoothed"):
+            if o[way] is not None:
+                value = f"{o[way]['rms_horizontal_m']:.3g} m"
+                sub = (
+                    f"rms of the worst horizontal error in {o['count']} outages of "
+                    f"{o['length_s']:g} s, {way}; {said}"
+                )
+                rows += [
+                    (f"outages, {way}", f"{o[way]['rms_horizontal_m']:.4g} m rms horizontally, "
+                     f"median {o[way]['median_horizontal_m']:.4g} m, "
+                     f"{o[way]['rms_height_m']:.4g} m in height"),
+                ]  # fmt: skip
+    rows += [("instrument", escape(found.spec.name)), *estimate_rows(found.estimated)]
+    rows += [(f"refused of {name}", str(n)) for name, n in found.refused.items() if n]
+    head = (
+        f"<h1>Aided navigation · {escape(path.name)}</h1>"
+        + contradiction_box(found.contradictions)
+        + f'<p class="value">{value}</p><p class="sub">{sub}.</p>'
+    )
+    write_page(
+        to, f"Aided navigation: {path.name}", head,
+        [
+            Section("Where it went", drawings=[_way(found), _height(found), _heading(found)]),
+            Section("Innovations", drawings=[_innovations(found, k) for k in found.innovations
+                                             if k != "withheld"]),
+            Section("Estimates", html=definition_table(rows, "At the end, ± 1 sigma")),
+        ],
+    )  # fmt: skip
+
+
+def _thin(n: int) -> NDArray[np.int64]:
+    return np.unique(np.linspace(0, n - 1, min(n, POINTS)).astype(np.int64))
+
+
+def _way(found: AidedNavigation) -> Drawing:
+    traces = []
+    for path, name, colour in (
+        (found.forward, "forward", ORANGE), (found.path, "smoothed", BLUE),
+    ):  # fmt: skip
+        if name == "smoothed" or path is not found.path:
+            k = _thin(len(path))
+            x, y = local_way(path.rows(k), found.path)
+            label = name if found.forward is not found.path else "way"
+            traces.append(line_of(x, y, label, colour))
+    layout = plot_layout(460, "east, m", "north, m", hovermode="closest")
+    layout["yaxis"]["scaleanchor"] = "x"
+    text = "The way over ground, from the start."
+    return Drawing(figure_of(traces, layout), text, text)
+
+
+def _band(t: Array, centre: Array, sigma: Array) -> Any:
+    go = graph_objects()
+    return go.Scatter(
+        x=np.concatenate([t, t[::-1]]),
+        y=np.concatenate([centre + 3.0 * sigma, (centre - 3.0 * sigma)[::-1]]),
+        name="± 3 sigma", mode="lines", fill="toself", fillcolor="rgba(0,114,178,0.18)",
+        line={"width": 0}, hoverinfo="skip",
+    )  # fmt: skip
+
+
+def _height(found: AidedNavigation) -> Drawing:
+    path = found.path
+    k = _thin(len(path))
+    assert path.variances is not None
+    sigma = np.sqrt(path.variances[k, 8])
+    text = "Height above the ellipsoid, with three sigma."
+    traces = [
+        _band(path.time[k], path.height[k], sigma),
+        line_of(path.time[k], path.height[k], "height", BLUE),
+    ]
+    return Drawing(figure_of(traces, plot_layout(260, "time, s", "height, m")), text, text)
+
+
+def _heading(found: AidedNavigation) -> Drawing:
+    path = found.path
+    k = _thin(len(path))
+    assert path.variances is not None
+    heading = np.unwrap(psi_to_heading(path.euler[k, 0])) / DEG
+    sigma = np.sqrt(path.variances[k, 2]) / DEG
+    text = "Heading clockwise from north, without jumps at 360 degrees, with three sigma."
+    traces = [_band(path.time[k], heading, sigma), line_of(path.time[k], heading, "heading", BLUE)]
+    return Drawing(figure_of(traces, plot_layout(260, "time, s", "heading, deg")), text, text)
+
+
+def _innovations(found: AidedNavigation, aid: str) -> Drawing:
+    time, z, sigma, weight = found.innovations[aid]
+    k = _thin(len(time))
+    traces = []
+    for axis, (name, colour) in enumerate(_AXES):
+        seen = sigma[k, axis] > 0.0
+        if np.any(seen):
+            ratio = z[k, axis][seen] / sigma[k, axis][seen]
+            label = name if "gnss" in aid else f"axis {axis + 1}"
+            traces.append(line_of(time[k][seen], ratio, label, colour))
+    out = np.flatnonzero(weight == 0.0)[:POINTS]
+    if len(out):
+        go = graph_objects()
+        worst = np.max(np.abs(z[out]) / np.maximum(sigma[out], 1e-12), axis=1)
+        traces.append(
+            go.Scatter(x=time[out], y=worst, name="refused", mode="markers",
+                       marker={"color": "#CC3311", "symbol": "x", "size": 7})
+        )  # fmt: skip
+    text = f"Predicted minus measured of {aid.replace('_', ' ')}, over its sigma: within 3."
+    layout = plot_layout(280, "time, s", "innovation / sigma")
+    return Drawing(figure_of(traces, layout), escape(text), text)
