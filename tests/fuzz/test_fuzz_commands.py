@@ -185,7 +185,8 @@ class Worker:
 def asked_for(words: list[str], path: Path) -> bool:
     """Say whether a command that takes no record was told to write a file, itself or by a link."""
     outputs = [w.rpartition("=")[2] for w in words]
-    return words[0] == "simulate" and any(Path(w).resolve() == path.resolve() for w in outputs)
+    without_record = words[0] == "simulate" or words[:2] == ["rotation", "optimise"]
+    return without_record and any(Path(w).resolve() == path.resolve() for w in outputs)
 
 
 WARM = [
