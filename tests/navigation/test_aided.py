@@ -113,6 +113,21 @@ def test_wrong_fixes_contradict():
     assert str(found).startswith("INCONSISTENT: ")
 
 
+@pytest.mark.parametrize("vibration", [1e-4, 0.03])
+def test_a_unit_that_is_mounted_otherwise_than_read_contradicts(vibration):
+    """A quarter turn: fixes are refused, or the mounting that is found is far from its prior."""
+    made, gnss = drive(6)
+    turn = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    r = made.record
+    record = replace(r, dtheta=r.dtheta @ turn.T, dvel=r.dvel @ turn.T)
+    options = AidingOptions(non_holonomic=True, vibration=vibration)
+    found = navigate_aided(record, gnss, spec=SPEC, options=options)
+    assert not found.consistent
+    if vibration > 1e-3:
+        assert any("turned by 90 deg" in text for text in found.contradictions)
+    assert str(found).startswith("INCONSISTENT: ")
+
+
 def test_clocks_apart_are_named():
     made, gnss = drive(5, length=60.0)
     with pytest.raises(InputError, match="1 x 86400 s: seconds of the day"):

@@ -93,7 +93,7 @@ def test_what_is_on_it(fix: Alignment, tmp_path: Path) -> None:
     shown = "".join(parsed.shown)
     assert fix.headline().split(" deg")[0].removeprefix("heading ") + "°" in shown
     for words in ("Convergence", "Where the uncertainty comes from", "What the record shows",
-                  "What the attitude leaves unexplained", "To do it again"):  # fmt: skip
+                  "Residuals", "To do it again"):  # fmt: skip
         assert words in shown
     figures = [a for tag, a in parsed.elements if a.get("class") == "plot"]
     assert len(figures) == 6

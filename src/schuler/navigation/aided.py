@@ -63,6 +63,9 @@ _VIBRATION = 0.03
 _PRIORS = {"lever": 1.0, "delay": 0.3, "mount": 10.0 * DEG, "scale": 0.02}
 """1-sigma of what is estimated of an aid before anything is measured: m, s, rad, 1."""
 
+_BEYOND = 5.0
+"""Prior sigmas beyond which an estimate is not what it was meant to be."""
+
 _COARSE = 30.0 * DEG_PER_HOUR
 """A gyro with a larger bias is started from what it reads at rest: the Earth's rate is less."""
 
@@ -172,7 +175,36 @@ def navigate_aided(
         parameters={"gyro_bias": bias}, smooth=options.smooth, step=0.1,
     )  # fmt: skip
     flt.update(record)
-    return finished(flt, record, gnss, used, withheld, measured, begin.quat_nb, instrument, outages)
+    found = finished(flt, record, gnss, used, withheld, measured, instrument, outages)
+    contradictions, warnings = _against_priors(flt, np.sqrt(np.diag(covariance)))
+    return replace(
+        found, contradictions=(*found.contradictions, *contradictions),
+        warnings=(*found.warnings, *warnings),
+    )  # fmt: skip
+
+
+def _against_priors(flt: ErrorStateFilter, prior: Array) -> tuple[list[str], list[str]]:
+    """Hold each estimate against its own prior: of aids it contradicts, of sensors it is said."""
+    aids: list[str] = []
+    sensors: list[str] = []
+    for group in flt.layout:
+        part = group.rpartition(".")[2]
+        if part not in _PRIORS and not group.endswith("_scale"):
+            continue
+        size = np.abs(flt.parameter(group)) / prior[flt.layout[group]]
+        if np.max(size) <= _BEYOND:
+            continue
+        value = float(np.max(np.abs(flt.parameter(group))))
+        if part == "mount":
+            aids.append(
+                f"the body's axes are turned by {value / DEG:.0f} deg against the direction of "
+                "travel: are the record's axes right (--axes)?"
+            )
+        else:
+            told = f"the estimate of {group.replace('_', ' ').replace('.', ' ')} is {value:.3g}"
+            text = f"{told}, {np.max(size):.0f} times the 1-sigma that it was given before"
+            (aids if part in _PRIORS else sensors).append(text)
+    return aids, sensors
 
 
 def _common(record: ImuRecord, gnss: GnssFixes) -> tuple[ImuRecord, GnssFixes]:

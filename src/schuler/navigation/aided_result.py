@@ -127,7 +127,7 @@ _UNITS = {"_s": "s", "_m": "m", "_deg": "deg", "_deg_h": "deg/h", "_ug": "ug"}
 
 def finished(
     flt: ErrorStateFilter, record: ImuRecord, gnss: GnssFixes, used: GnssFixes,
-    withheld: GnssFixes | None, measured: Sequence[Measurement], start: Array, spec: ImuSpec,
+    withheld: GnssFixes | None, measured: Sequence[Measurement], spec: ImuSpec,
     outages: Outages | None,
 ) -> AidedNavigation:  # fmt: skip
     """Return the result of a filter that has taken its record."""

@@ -161,7 +161,7 @@ def _residuals(fix: Alignment) -> Section:
     r = residual(fix.history, fix.site, _RESIDUAL_BLOCKS)
     e, n, u = (1e3 * v for v in r.rms)
     return Section(
-        "What the attitude leaves unexplained",
+        "Residuals",
         html=f"<p>Residual velocity rms: east {e:.3g}, north {n:.3g}, up {u:.3g} mm/s, from "
         f"means over {float(r.dt.mean()):.3g} s. The disturbance part of sigma comes from its "
         "low frequencies.</p>",
