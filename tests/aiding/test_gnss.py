@@ -1,5 +1,7 @@
 """Fixes that cannot be, and what positions say of their velocities."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -106,6 +108,15 @@ def test_a_bad_file_is_one_sentence(tmp_path, text, words):
         read_gnss(path)
     with pytest.raises(InputError, match="geoid"):
         read_gnss(path, height="geoid")
+
+
+def test_a_receiver_s_centimetre_is_doubled_once(tmp_path):
+    rows = "".join(f"{k},40,10,{100 + k},0.01,0.01,0.03\n" for k in range(6))
+    path = tmp_path / "rtk.csv"
+    path.write_text("time,lat,lon,height,sd_e [m],sd_n [m],sd_u [m]\n" + rows)
+    found = read_gnss(path)
+    for one in (found, found.rows(np.arange(4)), replace(found, estimate=("delay",))):
+        assert one.sigma[0] == pytest.approx([0.02, 0.02, 0.03])
 
 
 def test_speeds(tmp_path):

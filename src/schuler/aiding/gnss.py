@@ -22,9 +22,6 @@ LEAST_SIGMA = (0.005, 0.005)
 LARGEST_SIGMA = 1e4
 """A fix that is said to be worse than this (m) is none."""
 
-_RTK = 0.02
-"""Receivers that say they are better than this (m) are twice as bad on a moving antenna."""
-
 PARTS = ("delay", "lever")
 
 
@@ -132,8 +129,8 @@ class GnssFixes:
             )
         for name, value in columns.items():
             object.__setattr__(self, name, np.ascontiguousarray(value[order]))
-        _floor(self.sigma, LEAST_SIGMA[0], twice=True)
-        _floor(self.v_sigma, LEAST_SIGMA[1])
+        for name, least in zip(("sigma", "v_sigma"), LEAST_SIGMA, strict=True):
+            np.maximum(getattr(self, name), least, out=getattr(self, name))
         object.__setattr__(self, "lever", lever)
         object.__setattr__(self, "dropped", dropped)
 
@@ -270,10 +267,3 @@ def _moving(
         same[1:] = np.all(place[1:] == place[:-1], axis=1) & (speed[1:] > 1.0)
     _count(dropped, "a position that stands while the velocity does not", int(np.sum(same)))
     return ~same
-
-
-def _floor(sigma: Any, least: float, *, twice: bool = False) -> None:
-    """Raise a table of sigmas to what a moving antenna can have."""
-    if twice:
-        sigma[sigma < _RTK] *= 2.0
-    np.maximum(sigma, least, out=sigma)

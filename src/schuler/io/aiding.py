@@ -72,6 +72,9 @@ _FACTORS = {
               "knots": 1852.0 / 3600.0, "mph": 0.44704},
     "length": {"m": 1.0, "km": 1000.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048},
 }  # fmt: skip
+_RTK, _ON_A_VEHICLE = 0.02, 2.0
+"""What a receiver says of a position below so many metres is too small for a moving antenna."""
+
 _SCALE_BY_QUALITY = {1: 1.0, 2: 10.0, 4: 20.0, 5: 50.0}
 """Sigma of a fix by RTKLIB's quality, relative to a fixed one, where the file has none."""
 
@@ -138,6 +141,7 @@ def _fixes(
     quality = table.get("quality")
     if {"sde", "sdn", "sdu"} <= set(table) and sigma is None:
         spread = np.column_stack([table["sde"], table["sdn"], table["sdu"]])
+        spread = np.where((spread > 0.0) & (spread < _RTK), _ON_A_VEHICLE * spread, spread)
     else:
         factor = np.ones(len(table["t"]))
         if quality is not None:
