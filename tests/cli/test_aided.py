@@ -61,6 +61,9 @@ def test_text_names_what_was_used(run: Run, files: tuple[Path, Path], tmp_path: 
     ("more", "words"),
     [
         (("--zupt",), "--zupt is for aided navigation: say --gnss"),
+        (("--delay", "0"), "--delay is for aided navigation: say --gnss"),
+        (("--gnss", "G", "--estimate", "scale"), "give one"),
+        (("--gnss", "G", "--estimate", "mount"), "which show it"),
         (("--gnss", "G", "--estimate", "speed"), "'speed' is none of delay, lever"),
         (("--gnss", "G", "--lever", "1,2"), "--lever: expected three numbers"),
         (("--gnss", "G", "--gnss-sigma", "x"), "--gnss-sigma: expected two numbers"),

@@ -81,7 +81,7 @@ def taken(options: dict[str, Any]) -> dict[str, Any]:
     """
     out = {key: options.pop(key) for key in _KEYS}
     if out["gnss"] is None:
-        given = [key for key in _KEYS if out[key] not in (None, False)]
+        given = [key for key in _KEYS if out[key] is not None and out[key] is not False]
         if given:
             raise InputError(f"--{given[0].replace('_', '-')} is for aided navigation: say --gnss")
     return out
@@ -129,6 +129,11 @@ def navigate_with_aids(
 
     out_to, json_to, report_to = outputs
     wanted = _estimates(aids["estimate"])
+    rolling = aids["odometer"] is not None or aids["dvl"] is not None
+    if "scale" in wanted and not rolling:
+        raise InputError("--estimate scale is that of --odometer or --dvl: give one")
+    if "mount" in wanted and not (rolling or aids["nhc"]):
+        raise InputError("--estimate mount needs --nhc, --odometer or --dvl, which show it")
     sigma, v_sigma = _sigmas(aids["gnss_sigma"])
     gnss = read_gnss(
         aids["gnss"], lever=_triple(aids["lever"], "--lever"), delay=aids["delay"] or 0.0,
