@@ -106,8 +106,8 @@ def test_a_bad_file_is_one_sentence(tmp_path, text, words):
     path.write_text(text)
     with pytest.raises(InputError, match=words):
         read_gnss(path)
-    with pytest.raises(InputError, match="geoid"):
-        read_gnss(path, height="geoid")
+    with pytest.raises(InputError, match="ellipsoid or geoid, got 'sea'"):
+        read_gnss(path, height="sea")
 
 
 def test_a_receiver_s_centimetre_is_doubled_once(tmp_path):

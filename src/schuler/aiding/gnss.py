@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler.aiding.clock import CLOCKS
 from schuler.earth import radii
 from schuler.errors import InputError
 
@@ -23,6 +24,7 @@ LARGEST_SIGMA = 1e4
 """A fix that is said to be worse than this (m) is none."""
 
 PARTS = ("delay", "lever")
+ABOVE = ("unstated", "ellipsoid", "geoid")
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +60,14 @@ class GnssFixes:
     name : str
     dropped : mapping of str to int
         Rows that were left out, by reason.
+    clock : str
+        What the times count, of `schuler.aiding.clock.CLOCKS`; "unstated" where it is not known.
+    epoch : str
+        The week or day that they count from, in words, where it is known.
+    height_above : {"ellipsoid", "geoid", "unstated"}
+        What the heights are above.
+    notes : tuple of str
+        What else a reader found.
 
     Raises
     ------
@@ -85,6 +95,10 @@ class GnssFixes:
     estimate: tuple[str, ...] = ()
     name: str = "gnss"
     dropped: Mapping[str, int] = field(default_factory=dict)
+    clock: str = "unstated"
+    epoch: str = ""
+    height_above: str = "unstated"
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         time = np.asarray(self.time, np.float64)
@@ -107,6 +121,11 @@ class GnssFixes:
         unknown = set(self.estimate) - set(PARTS)
         if unknown:
             raise InputError(f"{self.name}: cannot estimate {min(unknown)}; say lever or delay")
+        if self.clock not in CLOCKS or self.height_above not in ABOVE:
+            raise InputError(
+                f"{self.name}: clock must be one of {', '.join(CLOCKS)} and height_above one of "
+                f"{', '.join(ABOVE)}, got {self.clock} and {self.height_above}"
+            )
         lever = np.asarray(self.lever, np.float64)
         if lever.shape != (3,) or not np.all(np.isfinite(lever)) or np.abs(lever).max() > 100.0:
             raise InputError(
@@ -213,6 +232,7 @@ class GnssFixes:
             "longest_gap_s": float(dt.max()),
             "sigma_m": [float(x) for x in np.median(np.asarray(self.sigma), axis=0)],
             "velocity": self.v_n is not None, "dropped": dict(self.dropped),
+            "clock": self.clock, "epoch": self.epoch, "height_above": self.height_above,
         }  # fmt: skip
         if self.quality is not None:
             values, counts = np.unique(np.asarray(self.quality), return_counts=True)
