@@ -43,9 +43,9 @@ def no_overlap(
 
     Examples
     --------
-    >>> print(no_overlap("gnss", "utc-day", (100018.0, 100100.0), (100.0, 1000.0)))
+    >>> print(no_overlap("gnss", "gps-week", (86500.0, 86600.0), (100.0, 1000.0)))
     ... # doctest: +ELLIPSIS
-    gnss: its times, ... from t = 100018 to 100100 s, ... day boundary? ...
+    gnss: its times, ... from t = 86500 to 86600 s, ... day boundary?; ...
     """
     off = span[0] - record[0]
     reach = 0.2 * (record[1] - record[0]) + 30.0

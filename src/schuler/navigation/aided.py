@@ -19,7 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.aiding import BodySpeed, GnssFixes, Rests, find_rest, no_overlap
 from schuler.constants import DEG, DEG_PER_HOUR
 from schuler.earth import Site
-from schuler.errors import InputError
 from schuler.ins import (
     BodyVelocity,
     CustomMeasurement,
@@ -38,6 +37,7 @@ from schuler.ins import (
     instrument_noise,
     instrument_prior,
 )
+from schuler.navigation.aid_checks import check_speed, inside
 from schuler.navigation.aided_result import OUTPUT, WITHHELD, AidedNavigation, finished
 from schuler.navigation.motion_start import motion_start
 from schuler.navigation.navigator import Start
@@ -312,13 +312,12 @@ def _measurements(
         )  # fmt: skip
     for speed in speeds:
         value, sigma = speed.triples()
-        inside = (np.asarray(speed.time) > record.start) & (np.asarray(speed.time) <= record.end)
-        if not np.any(inside):
-            raise InputError(f"{speed.name}: no speed lies within the record")
+        within = inside(speed.name, np.asarray(speed.time), record)
+        check_speed(speed, used)
         mount = "xyz" if np.asarray(speed.value).ndim == 2 else "xz"
         out.append(
             BodyVelocity(
-                np.asarray(speed.time)[inside], value[inside], sigma[inside], name=speed.name,
+                np.asarray(speed.time)[within], value[within], sigma[within], name=speed.name,
                 lever=speed.lever, estimate=speed.estimate, mount_axes=mount, handling=handling,
             )
         )  # fmt: skip
