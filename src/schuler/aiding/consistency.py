@@ -23,6 +23,9 @@ _LAGS = np.linspace(-1.0, 1.0, 101)
 _BETTER = 0.3
 """What explains a difference leaves less than this share of it."""
 
+_LEAST = 0.3
+"""A difference of velocities below this (m/s) is no contradiction unless the sigma say so."""
+
 
 @dataclass(frozen=True, eq=False)
 class Consistency:
@@ -129,6 +132,10 @@ def contradictions(fixes: GnssFixes) -> list[str]:
         np.asarray(fixes.sigma)[1:][pairs.near] / dt[:, None]
         + np.asarray(fixes.v_sigma)[1:][pairs.near], axis=0,
     )  # fmt: skip
+    # A sigma that nobody stated may be far too large: what scatters from pair to pair is noise,
+    # and what stays is none.
+    scatter = np.median(np.abs(np.diff(off, axis=0)), axis=0)
+    noise = np.minimum(noise, np.maximum(3.0 * scatter, _LEAST))
     found = []
     for axis, name in enumerate(("east", "north", "up")):
         spread = float(np.median(np.abs(off[:, axis])))

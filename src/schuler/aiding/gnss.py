@@ -75,6 +75,8 @@ class GnssFixes:
         What the heights are above.
     notes : tuple of str
         What else a reader found.
+    format : str
+        Of the file that they were read from.
 
     Raises
     ------
@@ -106,6 +108,7 @@ class GnssFixes:
     epoch: str = ""
     height_above: str = "unstated"
     notes: tuple[str, ...] = ()
+    format: str = ""
 
     def __post_init__(self) -> None:
         time = np.asarray(self.time, np.float64)

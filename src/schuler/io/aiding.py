@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,7 @@ _SCALE_BY_QUALITY = {1: 1.0, 2: 10.0, 4: 20.0, 5: 50.0}
 _LEVEL = (0.5, 0.2)
 """1-sigma of the vertical velocity where a file has none: m/s, and a share of the speed."""
 
-_ABOVE = (None, "ellipsoid", "geoid")
+_ABOVE = (None, "ellipsoid", "geoid", "stated")
 
 
 def read_gnss(
@@ -78,10 +79,11 @@ def read_gnss(
         As of `GnssFixes`.
     sigma, v_sigma : float, optional
         1-sigma of position (m) and velocity (m/s) where the file has none; 3 and 0.1.
-    height : {"ellipsoid", "geoid"}, optional
+    height : {"ellipsoid", "geoid", "stated"}, optional
         What the heights are above. A file that says it itself needs no word; one whose heights are
         above the geoid, and that has no separation of geoid and ellipsoid, is refused without one:
-        with "geoid" its heights are taken as they are.
+        with "geoid" its heights are taken as they are. "stated" takes the heights of any file,
+        and `GnssFixes.height_above` has what it says of them.
     offset : float
         Added to the file's times, s, to bring them to the record's clock.
     velocity : str or Path, optional
@@ -104,7 +106,8 @@ def read_gnss(
     path = Path(path)
     with local_file(path) as there:
         options = GnssOptions(topic, velocity_topic, variable)
-        table = _reader(there).read(there, options)
+        reader = _reader(there)
+        table = reader.read(there, options)
         missing = [key for key in ("t", "lat", "lon", "height") if key not in table.columns]
         if missing:
             raise InputError(
@@ -118,7 +121,8 @@ def read_gnss(
             table.columns = matched(table.columns, more["t"], more, names, table.dropped)
         table.columns["t"] = table.columns["t"] + offset
         table.columns["height"], above = _heights(table, height)
-        return _fixes(table, above, sigma, v_sigma, lever, delay, tuple(estimate), name)
+        fixes = _fixes(table, above, sigma, v_sigma, lever, delay, tuple(estimate), name)
+        return replace(fixes, format=reader.name)
 
 
 def _reader(path: Path) -> GnssReader:
@@ -141,9 +145,13 @@ def _all_numbers(cells: Sequence[bytes]) -> bool:
 def _heights(table: FixTable, said: str | None) -> tuple[Array, str]:
     """Return the heights, above the ellipsoid where that is known, and what they are above."""
     height, above = table.columns["height"], table.above
+    if said == "stated":
+        said = above
     if "separation" in table.columns:
         separation = table.columns["separation"]
         above = said or "" if above == "unstated" else above
+        if above == "unstated":
+            return height, above
         if not above:
             raise InputError(
                 "it has heights and a separation of geoid and ellipsoid, but does not say what the "

@@ -16,7 +16,14 @@ from schuler.io.names import split_unit
 from schuler.io.sealed import read_sealed
 from schuler.units import parse_factor
 
-__all__ = ["csv_columns", "first_names", "named_columns", "parquet_columns", "text_lines"]
+__all__ = [
+    "column_names",
+    "csv_columns",
+    "first_names",
+    "named_columns",
+    "parquet_columns",
+    "text_lines",
+]
 
 Array = NDArray[np.float64]
 Table = dict[str, Array]
@@ -58,6 +65,14 @@ def parquet_columns(path: Path) -> Table:
     except pa.ArrowException as error:
         reason = str(error).splitlines()[0][:120]
         raise InputError(f"cannot be read ({shown(reason)})") from None
+
+
+def column_names(path: Path) -> list[str]:
+    """Return the plain names of the columns of a Parquet file, without units."""
+    from schuler.io.sealed import opened_parquet
+
+    with opened_parquet(path) as file:
+        return first_names(",".join(file.schema_arrow.names).encode())
 
 
 def text_lines(data: bytes) -> list[str]:

@@ -12,6 +12,7 @@ from schuler.constants import DEG
 from schuler.errors import InputError, shown
 from schuler.io.gnss.table import DAY, WEEK, Array, FixTable, GnssOptions, read_bytes
 from schuler.io.named_table import (
+    column_names,
     csv_columns,
     first_names,
     named_columns,
@@ -145,11 +146,7 @@ class NamedFixReader:
     def alone(self, path: Path) -> bool:
         """Say whether its columns are fixes, and none is a gyro's."""
         if _is_parquet(path):
-            from schuler.io.sealed import opened_parquet
-
-            with opened_parquet(path) as file:
-                names = list(file.schema_arrow.names)
-            plain = first_names(",".join(names).encode())
+            plain = column_names(path)
         else:
             with path.open("rb") as file:
                 plain = first_names(file.read(1 << 16))
