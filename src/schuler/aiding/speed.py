@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from schuler.aiding.rows import checked_lever
 from schuler.errors import InputError
 
 __all__ = ["BodySpeed"]
@@ -61,11 +62,7 @@ class BodySpeed:
             raise InputError(f"{self.name}: time does not advance after t = {time[k]:.9g} s")
         if not self.sigma > 0.0:
             raise InputError(f"{self.name}: sigma must be positive, got {self.sigma}")
-        lever = np.asarray(self.lever, np.float64)
-        if lever.shape != (3,) or not np.all(np.isfinite(lever)) or np.abs(lever).max() > 100.0:
-            raise InputError(
-                f"{self.name}: a lever arm has three numbers of at most 100 m, got {self.lever}"
-            )
+        checked_lever(self.lever, self.name)
         unknown = set(self.estimate) - set(PARTS)
         if unknown:
             raise InputError(f"{self.name}: cannot estimate {min(unknown)}")

@@ -15,9 +15,9 @@ from schuler.errors import InputError
 from schuler.io.aid_files import local_file
 from schuler.io.gnss import FixTable, GnssOptions, GnssReader, aid_reader, gnss_readers
 from schuler.io.gnss.registry import head_of
-from schuler.io.gnss.table import matched, read_bytes
+from schuler.io.gnss.table import matched
 from schuler.io.gnss.text import read_velocity
-from schuler.io.named_table import csv_columns, named_columns, parquet_columns, text_lines
+from schuler.io.named_table import read_named
 
 __all__ = ["read_gnss", "read_speed"]
 
@@ -233,7 +233,7 @@ def read_speed(
     """
     path = Path(path)
     with local_file(path) as there:
-        table = _table(there, _SPEED)
+        table = read_named(there, _SPEED)
         if "t" not in table:
             raise InputError("speeds need a column of times")
         if {"right", "forward", "up"} <= set(table):
@@ -248,11 +248,3 @@ def read_speed(
         return BodySpeed(
             table["t"][whole], value[whole], sigma, lever=lever, estimate=tuple(estimate), name=name
         )
-
-
-def _table(path: Path, names: dict[str, str]) -> Table:
-    """Return the known columns of a table, in SI units."""
-    with path.open("rb") as file:
-        parquet = file.read(4) == b"PAR1"
-    raw = parquet_columns(path) if parquet else csv_columns(text_lines(read_bytes(path)))
-    return named_columns(raw, names)

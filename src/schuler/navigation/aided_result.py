@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from schuler._notebook import Shown
 from schuler.aiding import GnssFixes
-from schuler.attitude import multiply, quat_to_matrix, rotvec_to_quat
+from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
 from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G
 from schuler.earth import radii
 from schuler.errors import InputError
-from schuler.ins import BodyVelocity, EpochStates, ErrorStateFilter, Measurement
+from schuler.ins import BodyVelocity, EpochStates, ErrorStateFilter, Height, Measurement
 from schuler.kernels.states import ErrorStates
+from schuler.navigation.aid_measurements import DopplerRows
 from schuler.navigation.outages import Outages, OutageScore
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
@@ -403,6 +404,12 @@ def _estimates(
                 out.setdefault("delay_s", {})[aid.label] = pair(group, aid.delay)
             elif part == "lever":
                 out.setdefault("lever_m", {})[aid.label] = pair(group, aid.lever)
+            elif part == "offset" and isinstance(aid, Height):
+                out.setdefault("height_offset_m", {})[aid.label] = pair(group, aid.offset)
+            elif part == "scale" and isinstance(aid, DopplerRows):
+                out.setdefault("dvl_scale", {})[aid.label] = pair(group, aid.scale)
+            elif part == "mount" and isinstance(aid, DopplerRows):
+                out.setdefault("dvl_mount_deg", {})[aid.label] = _rotation(flt, aid, group, sigma)
             elif part == "scale" and isinstance(aid, BodyVelocity):
                 out["odometer_scale"] = pair(group, aid.scale)
             elif part == "mount" and isinstance(aid, BodyVelocity):
@@ -413,6 +420,15 @@ def _estimates(
         if group in layout:
             out[name] = pair(group)
     return out
+
+
+def _rotation(
+    flt: ErrorStateFilter, aid: DopplerRows, group: str, sigma: Array
+) -> list[list[float]]:
+    """Return the rotation vector from the body's axes to the sensor's, and its 1-sigma, deg."""
+    turn = multiply(rotvec_to_quat(flt.parameter(group)), np.asarray(aid.mount))
+    whole = quat_to_rotvec(turn)
+    return [[float(x) / DEG for x in whole], [float(x) / DEG for x in sigma[flt.layout[group]]]]
 
 
 def _mount(

@@ -27,8 +27,8 @@ from schuler.io.gnss.table import (
     as_columns,
     drop_rows,
     matched,
-    read_bytes,
 )
+from schuler.io.named_table import read_bytes
 from schuler.io.novatel_frames import SYNC, crc, frame_at, sound
 
 __all__ = ["NovatelFixReader"]
