@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._arrow import numbers
 from schuler.constants import DEG
 from schuler.errors import InputError, shown
 from schuler.io.names import split_unit
@@ -62,7 +63,7 @@ def parquet_columns(path: Path) -> Table:
     table = read_sealed(path)[0]
     try:
         return {
-            name: np.asarray(table.column(k).cast(pa.float64()).to_numpy(), np.float64)
+            name: np.asarray(numbers(table.column(k).cast(pa.float64())), np.float64)
             for k, name in enumerate(table.column_names)
         }
     except pa.ArrowException as error:

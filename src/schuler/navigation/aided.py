@@ -371,8 +371,10 @@ def _output_times(
     out = [] if any(record.end in each for each in times) else [np.array([record.end])]
     for k in np.flatnonzero(np.diff(edges) > 1.5 * longest):
         count = int(np.ceil((edges[k + 1] - edges[k]) / longest))
-        out.append(np.linspace(edges[k], edges[k + 1], count + 1)[1:-1])
-    return np.sort(np.concatenate(out)) if out else np.zeros(0)
+        wanted = np.linspace(edges[k], edges[k + 1], count + 1)[1:-1]
+        # On samples: a row of the path there is one of the record.
+        out.append(record.time[np.searchsorted(record.time, wanted - 1e-9)])
+    return np.unique(np.concatenate(out)) if out else np.zeros(0)
 
 
 def _noise(
