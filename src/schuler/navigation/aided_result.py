@@ -405,11 +405,11 @@ def _estimates(
             elif part == "lever":
                 out.setdefault("lever_m", {})[aid.label] = pair(group, aid.lever)
             elif part == "offset" and isinstance(aid, Height):
-                out.setdefault("height_offset_m", {})[aid.label] = pair(group, aid.offset)
+                out.setdefault("offset_m", {})[aid.label] = pair(group, aid.offset)
             elif part == "scale" and isinstance(aid, DopplerRows):
-                out.setdefault("dvl_scale", {})[aid.label] = pair(group, aid.scale)
+                out.setdefault("doppler_scale", {})[aid.label] = pair(group, aid.scale)
             elif part == "mount" and isinstance(aid, DopplerRows):
-                out.setdefault("dvl_mount_deg", {})[aid.label] = _rotation(flt, aid, group, sigma)
+                out.setdefault("doppler_mount_deg", {})[aid.label] = _rotation(flt, aid, group, sigma)
             elif part == "scale" and isinstance(aid, BodyVelocity):
                 out["odometer_scale"] = pair(group, aid.scale)
             elif part == "mount" and isinstance(aid, BodyVelocity):
