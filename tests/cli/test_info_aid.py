@@ -44,6 +44,10 @@ def test_fixes_in_text(run: Run, tmp_path: Path) -> None:
 def test_json_fits_its_schema(run: Run, tmp_path: Path, schema: dict[str, object]) -> None:
     files = {"a.ubx": make.ubx(), "a.gps": make.novatel_binary(), "a.csv": make.csv(),
              "a.pos": make.rtklib(), "s.csv": b"time,speed [km/h]\n0,36\n1,72\n2,0\n"}  # fmt: skip
+    kinds = {"s.csv": "speeds", "h.csv": "heights", "c.csv": "headings", "d.csv": "body-velocities"}
+    files["h.csv"] = b"time,pressure [hPa]\n0,1013.25\n1,1012\n"
+    files["c.csv"] = b"time,heading\n0,359\n1,1\n2,\n"
+    files["d.csv"] = b"time,vx,vy,vz,valid\n0,0,2,0,1\n1,0,2,0,1\n2,0,0,0,0\n"
     validator = jsonschema.Draft202012Validator(schema)
     for name, content in files.items():
         (tmp_path / name).write_bytes(content)
@@ -51,7 +55,12 @@ def test_json_fits_its_schema(run: Run, tmp_path: Path, schema: dict[str, object
         assert ran.code == 0, ran.err
         data = json.loads(ran.out)
         validator.validate(data)
-        assert data["kind"] == ("speeds" if name == "s.csv" else "fixes")
+        assert data["kind"] == kinds.get(name, "fixes")
+        assert run("info", tmp_path / name).out.startswith("      file")
+        if name == "c.csv":
+            assert data["largest_step_deg"] == pytest.approx(2.0)
+        if name in ("c.csv", "d.csv"):
+            assert sum(data["dropped"].values()) == 1
     with pytest.raises(jsonschema.ValidationError):
         validator.validate({**data, "rows": "many"})
 

@@ -13,16 +13,18 @@ from schuler.io.spool import is_pipe
 
 __all__ = ["AID_KINDS", "aid_kind"]
 
-AID_KINDS = ("fixes", "speeds")
+AID_KINDS = ("fixes", "speeds", "body-velocities", "headings", "heights")
 """What a file may hold beside the samples of an IMU."""
 
 _TIMES = {"t", "time", "timestamp", "seconds", "gpst", "sow", "tow"}
 #: kind -> names of which a table of it has one, or all of a tuple
 _MARKS: dict[str, tuple[str | tuple[str, ...], ...]] = {
-    "speeds": (
-        ("vx", "vy", "vz"), "speed", "odometer", "wheelspeed", "canspeed", "forwardspeed",
-    ),
-}  # fmt: skip
+    "body-velocities": (("vx", "vy", "vz"), ("dvlx", "dvly", "dvlz")),
+    "speeds": ("speed", "odometer", "wheelspeed", "canspeed", "forwardspeed"),
+    "headings": ("heading", "hdt", "azimuth", "compass", "trueheading"),
+    "heights": ("height", "altitude", "alt", "depth", "pressure", "baroheight", "baroaltitude"),
+}
+_ATTITUDE = {"pitch", "roll", "yaw", "qw"}
 _OF_A_RECORD = ("g", "w", "gyr", "gx", "wx", "acc", "ax", "angular", "linear", "omega", "f")
 
 
@@ -54,7 +56,7 @@ def aid_kind(path: str | Path) -> str | None:
 
 def _named(names: set[str]) -> str | None:
     """Return the kind of a table by the names of its columns."""
-    if not names & _TIMES or {"lat", "latitude"} & names:
+    if not names & _TIMES or names & {"lat", "latitude", *_ATTITUDE}:
         return None
     axes = {stem + axis for stem in _OF_A_RECORD for axis in "xyz"}
     if names & axes or any(name.startswith(("gyr", "acc", "imu")) for name in names):

@@ -213,6 +213,7 @@ def read_speed(
     sigma: float | None = None,
     lever: ArrayLike = (0.0, 0.0, 0.0),
     estimate: Sequence[str] = (),
+    offset: float = 0.0,
     name: str = "odometer",
 ) -> BodySpeed:
     """Read speeds along the axes of a sensor: one column of forward speed, or right, forward, up.
@@ -225,6 +226,8 @@ def read_speed(
         1-sigma, m/s, where the file has none; 0.1.
     lever, estimate, name
         As of `BodySpeed`.
+    offset : float
+        Added to the file's times, s, to bring them to the record's clock.
 
     Raises
     ------
@@ -246,5 +249,10 @@ def read_speed(
         if sigma is None:
             sigma = float(np.nanmedian(table["sd"])) if "sd" in table else 0.1
         return BodySpeed(
-            table["t"][whole], value[whole], sigma, lever=lever, estimate=tuple(estimate), name=name
+            table["t"][whole] + offset,
+            value[whole],
+            sigma,
+            lever=lever,
+            estimate=tuple(estimate),
+            name=name,
         )

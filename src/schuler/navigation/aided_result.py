@@ -409,7 +409,9 @@ def _estimates(
             elif part == "scale" and isinstance(aid, DopplerRows):
                 out.setdefault("doppler_scale", {})[aid.label] = pair(group, aid.scale)
             elif part == "mount" and isinstance(aid, DopplerRows):
-                out.setdefault("doppler_mount_deg", {})[aid.label] = _rotation(flt, aid, group, sigma)
+                out.setdefault("doppler_mount_deg", {})[aid.label] = _rotation(
+                    flt, aid, group, sigma
+                )
             elif part == "scale" and isinstance(aid, BodyVelocity):
                 out["odometer_scale"] = pair(group, aid.scale)
             elif part == "mount" and isinstance(aid, BodyVelocity):
