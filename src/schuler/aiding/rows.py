@@ -60,7 +60,9 @@ def checked_rows(
         For arrays of other shapes, or if no row is left.
     """
     t = np.asarray(time, np.float64)
-    n = len(t) if t.ndim == 1 else -1
+    if t.ndim != 1 or not len(t):
+        raise InputError(f"{name}: times must be a row of numbers, got shape {t.shape}")
+    n = len(t)
     shape = (n,) if width == 1 else (n, width)
     out = {key: np.asarray(value, np.float64) for key, value in columns.items()}
     for key, value in out.items():
