@@ -7,6 +7,7 @@ import pytest
 
 import schuler as sc
 from schuler.errors import InputError
+from schuler.io import read_trajectory
 from schuler.motion import Manoeuvre, Route
 
 SITE = sc.Site(-33.5, 179.999, 120.0)
