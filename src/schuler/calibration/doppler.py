@@ -40,6 +40,9 @@ _SLOW = 0.1
 _TURNED = 60.0 * DEG
 """A mounting beyond this is more likely a frame that was not said rightly."""
 
+_PRIOR = 10.0 * DEG
+"""1-sigma of a mounting before anything is measured, which settles what the data do not show."""
+
 _UNSEEN = 5.0 * DEG
 """1-sigma of a mounting angle beyond which it is not observable."""
 
@@ -181,6 +184,8 @@ def fit_body_velocity(
             break
         keep = fresh
     gain, turn = _similarity(true[keep], seen[keep])
+    variance = float(np.mean((seen - gain * true @ turn.T)[keep] ** 2))
+    gain, turn = _similarity(true[keep], seen[keep], variance / (2.0 * _PRIOR**2))
     off = (seen - gain * true @ turn.T)[keep]
     rms = float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
     if rms > _WRONG * speed or not 0.5 < gain < 2.0:
@@ -227,12 +232,15 @@ def _body(trajectory: Trajectory, lever: Array, time: Array) -> Array:
     return np.column_stack([np.interp(time, stamps, c) for c in body.T])
 
 
-def _similarity(true: Array, seen: Array) -> tuple[float, Array]:
-    """Return the factor and the rotation of least squares from one series to the other."""
-    u, size, vt = np.linalg.svd(seen.T @ true)
-    sign = np.array([1.0, 1.0, np.linalg.det(u @ vt)])
-    turn = (u * sign) @ vt
-    return float(np.sum(size * sign) / np.sum(true**2)), turn
+def _similarity(true: Array, seen: Array, weight: float = 0.0) -> tuple[float, Array]:
+    """Return the factor and the rotation of least squares from one series to the other.
+
+    With a weight, of all rotations that fit alike it is the least one.
+    """
+    products = seen.T @ true
+    u, _, vt = np.linalg.svd(products + weight * np.eye(3))
+    turn = (u * np.array([1.0, 1.0, np.linalg.det(u @ vt)])) @ vt
+    return float(np.sum(products * turn) / np.sum(true**2)), turn
 
 
 def _sigma(off: Array, gain: float, turned: Array) -> tuple[float, Array]:
@@ -249,8 +257,8 @@ def _sigma(off: Array, gain: float, turned: Array) -> tuple[float, Array]:
     alike = min(max(alike, 0.0), 0.99)
     # Residuals that are alike from row to row are fewer than they seem.
     variance *= (1.0 + alike) / (1.0 - alike)
-    least = 1e-12 * float(np.trace(information))
-    covariance = variance * np.linalg.inv(information + least * np.eye(4))
+    prior = np.diag([0.0, *3 * [1.0 / _PRIOR**2]])
+    covariance = np.linalg.inv(information / max(variance, 1e-24) + prior)
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return float(spread[0]), np.asarray(spread[1:])
 

@@ -366,7 +366,9 @@ def _warnings(
     gnss: GnssFixes, flt: ErrorStateFilter, gaps: Sequence[tuple[float, float]],
     outages: Outages | None,
 ) -> list[str]:  # fmt: skip
-    out = []
+    out = list(gnss.notes)
+    if gnss.height_above == "geoid":
+        out.append(f"heights are above the geoid, as those of {gnss.name}, and not the ellipsoid")
     if gnss.dropped:
         said = ", ".join(f"{count} with {reason}" for reason, count in gnss.dropped.items())
         out.append(f"rows of {gnss.name} were left out: {said}")
