@@ -105,16 +105,16 @@ def test_all_aids_together(run: Run, files: tuple[Path, Path], root: Path) -> No
         np.savetxt(folder / name, table, "%.10g", ",", header=head, comments="")
     ran = run(
         "navigate", files[0], "--gnss", files[1], "--height-file", folder / "baro.csv",
-        "--time-offset", "height=-18", "--heading-file", folder / "heading.csv", "--baseline",
-        "1,0,0", "--dvl", folder / "dvl.csv", "--dvl-frame", "FRD", "--estimate", "scale,mount",
-        "--spec", "tactical-fog", "--vibration", "0.001", "--json", "-",
+        "--time-offset", "height=-18", "--height-offset", "30,86400", "--heading-file",
+        folder / "heading.csv", "--baseline", "1,0,0", "--dvl", folder / "dvl.csv",
+        "--dvl-frame", "FRD", "--estimate", "scale,mount", "--spec", "tactical-fog", "--vibration", "0.001", "--json", "-",
     )  # fmt: skip
     assert ran.code == 0, ran.err
     data = json.loads(ran.out)
     schema = json.loads((root / "docs" / "navigation.schema.json").read_text(encoding="utf-8"))
     jsonschema.Draft202012Validator(schema).validate(data)
     assert set(data["used"]) >= {"gnss", "height", "heading", "dvl"}
-    assert data["estimated"]["offset_m"]["height"][0] == pytest.approx(12.0, abs=5.0)
+    assert data["estimated"]["offset_m"]["height"][0] == pytest.approx(12.0, abs=1.0)
     assert data["estimated"]["doppler_scale"]["dvl"][0] == pytest.approx(0.01, abs=0.002)
     assert data["consistent"]
 
@@ -126,6 +126,7 @@ def test_all_aids_together(run: Run, files: tuple[Path, Path], root: Path) -> No
         (("--time-offset", "clock=1"), "expected one of gnss, odometer"),
         (("--time-offset", "dvl=1"), "no such aid is given"),
         (("--dvl-frame", "FRD"), "--dvl-frame goes with --dvl"),
+        (("--height-offset", "1,2"), "--height-offset goes with --height-file"),
         (("--baseline", "1,0,0"), "--baseline goes with --heading-file"),
         (("--height-file", "absent.csv"), "absent.csv: there is no such file"),
         (("--time-offset", "gnss=100000"), "an offset of the aid's times"),

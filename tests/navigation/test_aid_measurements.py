@@ -13,6 +13,7 @@ from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to
 from schuler.constants import DEG
 from schuler.errors import InputError
 from schuler.navigation import navigate_aided
+from schuler.navigation.aid_checks import check_clock
 from schuler.navigation.aid_measurements import aid_noise, aid_priors
 from tests.conftest import chi_square_band
 from tests.navigation.test_aided import QUIET, SPEC, drive
@@ -180,6 +181,24 @@ def test_aids_outside_or_unlike_the_record_are_refused():
         run(BodyVelocity(aids["dvl"].time, np.tile([12.0, 0.0, 0.0], (len(aids["dvl"]), 1))))
     with pytest.raises(InputError, match="none of its spans"):
         run(ZeroRate([(1000.0, 1010.0)]))
+
+
+@pytest.mark.parametrize("off", [18.0, -3.0, -18.0])
+def test_clocks_apart_are_found_by_the_turns(off):
+    sim, gnss = drive(51, sigma=0.5)
+    check_clock(sim.record, gnss)
+    check_clock(sim.record, replace(gnss, time=np.asarray(gnss.time) + 0.3))
+    apart = replace(gnss, time=np.asarray(gnss.time) + off)
+    words = f"An offset of \\{-off:+.1f} s" if off < 0 else f"An offset of {-off:+.1f} s"
+    with pytest.raises(InputError, match=words) as caught:
+        navigate_aided(sim.record, apart, spec=SPEC, options=QUIET)
+    assert ("leap seconds" in str(caught.value)) == (abs(off) == 18.0)
+
+
+def test_without_turns_no_clock_is_doubted():
+    sim, gnss = drive(52, sigma=0.5, length=40.0)
+    check_clock(sim.record, replace(gnss, time=np.asarray(gnss.time) + 18.0))
+    check_clock(sim.record, replace(gnss, v_n=None))
 
 
 def test_priors_and_noise_are_those_of_the_aids():

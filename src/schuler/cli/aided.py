@@ -22,8 +22,8 @@ __all__ = ["aiding_options", "navigate_with_aids", "taken"]
 
 _KEYS = (
     "gnss", "gnss_sigma", "gnss_height", "gnss_topic", "lever", "delay", "odometer", "dvl",
-    "dvl_frame", "dvl_lever", "height_file", "heading_file", "baseline", "time_offset", "nhc",
-    "zupt", "scale_states", "estimate", "smooth", "outage", "vibration", "robust",
+    "dvl_frame", "dvl_lever", "height_file", "height_offset", "heading_file", "baseline",
+    "time_offset", "nhc", "zupt", "scale_states", "estimate", "smooth", "outage", "vibration", "robust",
 )  # fmt: skip
 _OFFSETS = ("gnss", "odometer", "dvl", "height", "heading")
 _ESTIMATES = ("delay", "lever", "mount", "scale")
@@ -69,6 +69,10 @@ def aiding_options(function: Any) -> Any:
         click.option(
             "--height-file", type=InputFile(), metavar="FILE",
             help="Barometer or depth: time, and height, depth or pressure.",
+        ),
+        click.option(
+            "--height-offset", metavar="M,S",
+            help="1-sigma and correlation time of the offset of --height-file (100,3600).",
         ),
         click.option(
             "--heading-file", type=InputFile(), metavar="FILE",
@@ -133,6 +137,14 @@ def _triple(text: str | None, option: str) -> tuple[float, float, float]:
     return x, y, z
 
 
+def _pair(text: str, option: str) -> tuple[float, float]:
+    try:
+        first, second = (float(cell) for cell in text.split(","))
+    except ValueError:
+        raise InputError(f"{option}: expected two numbers as 100,3600, got '{text}'") from None
+    return first, second
+
+
 def _sigmas(text: str | None) -> tuple[float | None, float | None]:
     if text is None:
         return None, None
@@ -185,7 +197,11 @@ def _other_aids(aids: dict[str, Any], own: tuple[str, ...], offsets: dict[str, f
                      offset=offsets.get("dvl", 0.0))
         )  # fmt: skip
     if aids["height_file"] is not None:
-        out.append(read_height(aids["height_file"], offset=offsets.get("height", 0.0)))
+        sigma, time = _pair(aids["height_offset"] or "100,3600", "--height-offset")
+        out.append(
+            read_height(aids["height_file"], offset_sigma=sigma, offset_time=time,
+                        offset=offsets.get("height", 0.0))
+        )  # fmt: skip
     if aids["heading_file"] is not None:
         baseline = _triple(aids["baseline"] or "0,1,0", "--baseline")
         out.append(
@@ -213,7 +229,10 @@ def navigate_with_aids(
     if "mount" in wanted and not (rolling or aids["nhc"]):
         raise InputError("--estimate mount needs --nhc, --odometer or --dvl, which show it")
     offsets = _time_offsets(aids)
-    for option, file in (("dvl_frame", "dvl"), ("dvl_lever", "dvl"), ("baseline", "heading_file")):
+    for option, file in (
+        ("dvl_frame", "dvl"), ("dvl_lever", "dvl"), ("baseline", "heading_file"),
+        ("height_offset", "height_file"),
+    ):  # fmt: skip
         if aids[option] is not None and aids[file] is None:
             raise InputError(
                 f"--{option.replace('_', '-')} goes with --{file.replace('_', '-')}: give one"

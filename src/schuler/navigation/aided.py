@@ -37,7 +37,7 @@ from schuler.ins import (
     instrument_noise,
     instrument_prior,
 )
-from schuler.navigation.aid_checks import check_speed, inside
+from schuler.navigation.aid_checks import check_clock, check_speed, inside
 from schuler.navigation.aid_measurements import (
     AIDS,
     Aid,
@@ -164,6 +164,7 @@ def navigate_aided(
     """
     options = options or AidingOptions()
     record, gnss = _common(record, gnss)
+    check_clock(record, gnss)
     rests = _rests(record, gnss)
     instrument = spec or UNSPECIFIED
     bias, bias_sigma = _bias_at_rest(record, rests, instrument)
