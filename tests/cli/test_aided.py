@@ -107,7 +107,8 @@ def test_all_aids_together(run: Run, files: tuple[Path, Path], root: Path) -> No
         "navigate", files[0], "--gnss", files[1], "--height-file", folder / "baro.csv",
         "--time-offset", "height=-18", "--height-offset", "30,86400", "--heading-file",
         folder / "heading.csv", "--baseline", "1,0,0", "--dvl", folder / "dvl.csv",
-        "--dvl-frame", "FRD", "--estimate", "scale,mount", "--spec", "tactical-fog", "--vibration", "0.001", "--json", "-",
+        "--dvl-frame", "FRD", "--estimate", "scale,mount", "--spec", "tactical-fog",
+        "--vibration", "0.001", "--json", "-",
     )  # fmt: skip
     assert ran.code == 0, ran.err
     data = json.loads(ran.out)

@@ -23,7 +23,8 @@ __all__ = ["aiding_options", "navigate_with_aids", "taken"]
 _KEYS = (
     "gnss", "gnss_sigma", "gnss_height", "gnss_topic", "lever", "delay", "odometer", "dvl",
     "dvl_frame", "dvl_lever", "height_file", "height_offset", "heading_file", "baseline",
-    "time_offset", "nhc", "zupt", "scale_states", "estimate", "smooth", "outage", "vibration", "robust",
+    "time_offset", "nhc", "zupt", "scale_states", "estimate", "smooth", "outage", "vibration",
+    "robust",
 )  # fmt: skip
 _OFFSETS = ("gnss", "odometer", "dvl", "height", "heading")
 _ESTIMATES = ("delay", "lever", "mount", "scale")
