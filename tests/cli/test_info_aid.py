@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -99,6 +100,16 @@ def test_records_are_records(run: Run, tmp_path: Path) -> None:
         assert aid_kind(tmp_path / name) is None, name
     assert aid_kind(write_bag(tmp_path / "a.bag", {"/imu": rows}, "ros1")) is None
     assert aid_kind(tmp_path / "absent") is None
+    from tests.io.makers import ulog_file, vehicle_imu
+
+    (tmp_path / "a.ulg").write_bytes(ulog_file([("vehicle_imu", 0, vehicle_imu(rows))]))
+    assert aid_kind(tmp_path / "a.ulg") is None
+    (tmp_path / "a.csv.gz").write_bytes(gzip.compress(made["a.csv"]))
+    (tmp_path / "cut.gz").write_bytes(gzip.compress(made["a.csv"])[:40])
+    assert aid_kind(tmp_path / "a.csv.gz") is None
+    assert aid_kind(tmp_path / "cut.gz") is None
+    (tmp_path / "g.csv.gz").write_bytes(gzip.compress(make.csv()))
+    assert aid_kind(tmp_path / "g.csv.gz") == "fixes"
     # A log with both is a record, and fixes where that is asked for.
     ran = run("info", tmp_path / "n.gps", "--kind", "fixes")
     assert ran.code == 0, ran.err

@@ -201,6 +201,14 @@ def test_without_turns_no_clock_is_doubted():
     check_clock(sim.record, replace(gnss, v_n=None))
 
 
+def test_a_doppler_log_that_is_turned_contradicts():
+    sim, gnss, aids, _ = made(3)
+    log = replace(aids["dvl"], mount=NOMINAL - [0.0, 0.0, 0.6], mount_sigma=0.1)
+    result = navigate_aided(sim.record, gnss, spec=SPEC, options=QUIET, aids=[log])
+    assert not result.consistent
+    assert any("the axes of dvl are turned by" in text for text in result.contradictions)
+
+
 def test_priors_and_noise_are_those_of_the_aids():
     height = Height([0.0, 1.0], [1.0, 2.0], offset_time=np.inf)
     plain = Height([0.0, 1.0], [1.0, 2.0], offset_sigma=0.0, name="plain")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gzip
+import zlib
 from pathlib import Path
 
 from schuler.errors import InputError
@@ -9,7 +11,7 @@ from schuler.io.aid_files import local_file
 from schuler.io.gnss import aid_reader
 from schuler.io.gnss.registry import head_of
 from schuler.io.named_table import column_names, first_names
-from schuler.io.spool import is_pipe
+from schuler.io.spool import GZIP, is_pipe
 
 __all__ = ["AID_KINDS", "aid_kind"]
 
@@ -40,6 +42,10 @@ def aid_kind(path: str | Path) -> str | None:
     if str(path) == "-" or is_pipe(path):
         return None
     try:
+        packed = _packed_head(path)
+        if packed is not None and aid_reader(path, packed) is None and _text_kind(packed) is None:
+            # Not unpacked for nothing.
+            return None
         with local_file(path) as there:
             head = head_of(there)
             reader = aid_reader(there, head)
@@ -49,9 +55,27 @@ def aid_kind(path: str | Path) -> str | None:
             if reader is not None and reader.alone(there):
                 return "fixes"
             return _named(set(names))
-    except InputError:
+    except (InputError, OSError):
         # What is damaged is spoken of by whoever reads it.
         return None
+
+
+def _packed_head(path: Path) -> bytes | None:
+    """Return the beginning of what is in a gzip file; None of any other."""
+    if not path.is_file():
+        return None
+    with path.open("rb") as file:
+        if file.read(2) != GZIP:
+            return None
+    try:
+        with gzip.open(path, "rb") as file:
+            return file.read(1 << 16)
+    except (OSError, EOFError, zlib.error):
+        return b""
+
+
+def _text_kind(head: bytes) -> str | None:
+    return _named(set(first_names(head)))
 
 
 def _named(names: set[str]) -> str | None:

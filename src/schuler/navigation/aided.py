@@ -41,6 +41,7 @@ from schuler.navigation.aid_checks import check_clock, check_speed, inside
 from schuler.navigation.aid_measurements import (
     AIDS,
     Aid,
+    DopplerRows,
     aid_noise,
     aid_priors,
     measurements_of,
@@ -204,6 +205,7 @@ def _against_priors(flt: ErrorStateFilter, prior: Array) -> tuple[list[str], lis
     """Hold each estimate against its own prior: of aids it contradicts, of sensors it is said."""
     aids: list[str] = []
     sensors: list[str] = []
+    doppler = {aid.group("mount") for aid in flt.aids if isinstance(aid, DopplerRows)}
     for group in flt.layout:
         part = group.rpartition(".")[2]
         if part not in _PRIORS and not group.endswith("_scale"):
@@ -212,7 +214,12 @@ def _against_priors(flt: ErrorStateFilter, prior: Array) -> tuple[list[str], lis
         if np.max(size) <= _BEYOND:
             continue
         value = float(np.max(np.abs(flt.parameter(group))))
-        if part == "mount":
+        if part == "mount" and group in doppler:
+            aids.append(
+                f"the axes of {group.partition('.')[0]} are turned by {value / DEG:.0f} deg more "
+                "than its mounting is said to be: are its frame and its mounting right?"
+            )
+        elif part == "mount":
             aids.append(
                 f"the body's axes are turned by {value / DEG:.0f} deg against the direction of "
                 "travel: are the record's axes right (--axes)?"
