@@ -8,7 +8,7 @@ import pytest
 from schuler.aiding import BodyVelocity, HeadingFixes, Height, ZeroRate, pressure_height
 from schuler.constants import DEG
 from schuler.errors import InputError
-from schuler.io import read_dvl, read_heading, read_height
+from schuler.io import read_dvl, read_heading, read_height, read_speed
 from tests.io import gnss_makers as make
 
 
@@ -133,3 +133,14 @@ def test_odometry_of_ros_is_forward_left_up(tmp_path, kind):
     np.testing.assert_allclose(found.time, 1.7e9 + make.fixes()["t"], atol=1e-6)
     east = read_dvl(path, topic="/vel", frame="RFU")
     np.testing.assert_allclose(east.velocity[:, 0], make.fixes()["ve"])
+    speed = read_speed(path, topic="/odom")
+    np.testing.assert_allclose(speed.value, 12.0)
+
+
+def test_rows_of_speeds_are_sorted_and_counted(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time,speed [km/h]\n2,36\n1,72\n1,72\n3,\n4,18\n")
+    found = read_speed(path)
+    assert found.time.tolist() == [1.0, 2.0, 4.0]
+    assert found.value == pytest.approx([20.0, 10.0, 5.0])
+    assert found.dropped == {"a value that is no number": 1, "a time that repeats": 1}

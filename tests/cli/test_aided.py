@@ -118,6 +118,7 @@ def test_all_aids_together(run: Run, files: tuple[Path, Path], root: Path) -> No
     assert data["estimated"]["offset_m"]["height"][0] == pytest.approx(12.0, abs=1.0)
     assert data["estimated"]["doppler_scale"]["dvl"][0] == pytest.approx(0.01, abs=0.002)
     assert data["consistent"]
+    assert any("rows of dvl were left out: " in text for text in data["warnings"])
 
 
 @pytest.mark.parametrize(
@@ -126,6 +127,7 @@ def test_all_aids_together(run: Run, files: tuple[Path, Path], root: Path) -> No
         (("--time-offset", "gnss=x"), "expected one of gnss, odometer"),
         (("--time-offset", "clock=1"), "expected one of gnss, odometer"),
         (("--time-offset", "dvl=1"), "no such aid is given"),
+        (("--aid-topic", "dvl=/odom"), "which is given"),
         (("--dvl-frame", "FRD"), "--dvl-frame goes with --dvl"),
         (("--height-offset", "1,2"), "--height-offset goes with --height-file"),
         (("--baseline", "1,0,0"), "--baseline goes with --heading-file"),

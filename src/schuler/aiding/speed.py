@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,6 +35,8 @@ class BodySpeed:
     estimate : tuple of str
         Which of "scale", "mount" and "lever" are estimated.
     name : str
+    dropped : mapping of str to int
+        Rows that a reader has left out, by reason.
 
     Raises
     ------
@@ -48,6 +51,7 @@ class BodySpeed:
     lever: ArrayLike = (0.0, 0.0, 0.0)
     estimate: tuple[str, ...] = ()
     name: str = "odometer"
+    dropped: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         time, value = np.asarray(self.time, np.float64), np.asarray(self.value, np.float64)

@@ -23,8 +23,8 @@ __all__ = ["aiding_options", "navigate_with_aids", "taken"]
 _KEYS = (
     "gnss", "gnss_sigma", "gnss_height", "gnss_topic", "lever", "delay", "odometer", "dvl",
     "dvl_frame", "dvl_lever", "height_file", "height_offset", "heading_file", "baseline",
-    "time_offset", "nhc", "zupt", "scale_states", "estimate", "smooth", "outage", "vibration",
-    "robust",
+    "aid_topic", "time_offset", "nhc", "zupt", "scale_states", "estimate", "smooth", "outage",
+    "vibration", "robust",
 )  # fmt: skip
 _OFFSETS = ("gnss", "odometer", "dvl", "height", "heading")
 _ESTIMATES = ("delay", "lever", "mount", "scale")
@@ -81,6 +81,10 @@ def aiding_options(function: Any) -> Any:
         ),
         click.option(
             "--baseline", metavar="X,Y,Z", help="Of --heading-file, body axes (0,1,0: forward)."
+        ),
+        click.option(
+            "--aid-topic", metavar="AID=NAME", multiple=True,
+            help="Topic of odometer or dvl in a ROS bag.",
         ),
         click.option(
             "--time-offset", metavar="AID=S", multiple=True,
@@ -186,7 +190,23 @@ def _time_offsets(aids: dict[str, Any]) -> dict[str, float]:
     return out
 
 
-def _other_aids(aids: dict[str, Any], own: tuple[str, ...], offsets: dict[str, float]) -> list[Aid]:
+def _topics(aids: dict[str, Any]) -> dict[str, str]:
+    """Return the topics of odometer and Doppler log."""
+    out: dict[str, str] = {}
+    for text in aids["aid_topic"]:
+        name, _, topic = text.partition("=")
+        if name not in ("odometer", "dvl") or not topic or name in out or aids[name] is None:
+            raise InputError(
+                f"--aid-topic: expected odometer or dvl, which is given, once with a topic, as "
+                f"dvl=/odom, got '{text}'"
+            )
+        out[name] = topic
+    return out
+
+
+def _other_aids(
+    aids: dict[str, Any], own: tuple[str, ...], offsets: dict[str, float], topic: str | None
+) -> list[Aid]:
     """Read heights, headings and Doppler velocities."""
     from schuler.io import read_dvl, read_heading, read_height
 
@@ -195,7 +215,7 @@ def _other_aids(aids: dict[str, Any], own: tuple[str, ...], offsets: dict[str, f
         lever = _triple(aids["dvl_lever"], "--dvl-lever")
         out.append(
             read_dvl(aids["dvl"], frame=aids["dvl_frame"], lever=lever, estimate=own,
-                     offset=offsets.get("dvl", 0.0))
+                     offset=offsets.get("dvl", 0.0), topic=topic)
         )  # fmt: skip
     if aids["height_file"] is not None:
         sigma, time = _pair(aids["height_offset"] or "100,3600", "--height-offset")
@@ -229,7 +249,7 @@ def navigate_with_aids(
         raise InputError("--estimate scale is that of --odometer or --dvl: give one")
     if "mount" in wanted and not (rolling or aids["nhc"]):
         raise InputError("--estimate mount needs --nhc, --odometer or --dvl, which show it")
-    offsets = _time_offsets(aids)
+    offsets, topics = _time_offsets(aids), _topics(aids)
     for option, file in (
         ("dvl_frame", "dvl"), ("dvl_lever", "dvl"), ("baseline", "heading_file"),
         ("height_offset", "height_file"),
@@ -248,9 +268,10 @@ def navigate_with_aids(
     )  # fmt: skip
     own = tuple(sorted(wanted & {"mount", "scale"}))
     speeds = [] if aids["odometer"] is None else [
-        read_speed(aids["odometer"], estimate=own, offset=offsets.get("odometer", 0.0))
+        read_speed(aids["odometer"], estimate=own, offset=offsets.get("odometer", 0.0),
+                   topic=topics.get("odometer"))
     ]  # fmt: skip
-    more_aids = _other_aids(aids, own, offsets)
+    more_aids = _other_aids(aids, own, offsets, topics.get("dvl"))
     outages = None if aids["outage"] is None else Outages.parse(aids["outage"])
     more = {} if aids["vibration"] is None else {"vibration": aids["vibration"]}
     chosen = AidingOptions(

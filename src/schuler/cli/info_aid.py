@@ -70,13 +70,13 @@ def _fixes(path: str, topic: str | None) -> tuple[dict[str, Any], list[str]]:
 def _speeds(path: str, topic: str | None) -> tuple[dict[str, Any], list[str]]:
     from schuler.io import read_speed
 
-    speed = read_speed(path)
+    speed = read_speed(path, topic=topic)
     value, time = np.asarray(speed.value), np.asarray(speed.time)
     size = value if value.ndim == 1 else np.linalg.norm(value, axis=1)
     data = {
         "format": "table", "rows": len(speed), **_span(time), "axes": 1 if value.ndim == 1 else 3,
         "sigma_m_s": speed.sigma, "mean_m_s": float(np.mean(size)),
-        "largest_m_s": float(np.max(np.abs(size))),
+        "largest_m_s": float(np.max(np.abs(size))), "dropped": dict(speed.dropped),
     }  # fmt: skip
     return data, []
 

@@ -20,7 +20,7 @@ from schuler.io.named_table import read_bytes, read_named
 from schuler.io.ros_messages import ODOMETRY, TWISTS, short_type
 from schuler.io.rosbag import opened
 
-__all__ = ["read_dvl", "read_heading", "read_height"]
+__all__ = ["read_dvl", "read_heading", "read_height", "read_twists"]
 
 Array = NDArray[np.float64]
 Table = dict[str, Array]
@@ -191,7 +191,7 @@ def read_dvl(
     with local_file(path) as there:
         clock = "unstated"
         if RosFixReader().sniff(head_of(there)):
-            table, clock, usual = _twists(there, topic), "utc", "FLU"
+            table, clock, usual = read_twists(there, topic), "utc", "FLU"
         else:
             table, usual = read_named(there, _DVL), "RFU"
         missing = [key for key in ("t", "x", "y", "z") if key not in table]
@@ -208,7 +208,14 @@ def read_dvl(
         )  # fmt: skip
 
 
-def _twists(path: Path, topic: str | None) -> Table:
+def read_twists(path: Path, topic: str | None) -> dict[str, Array]:
+    """Return time (s) and velocity along x, y, z (m/s) of a topic of Odometry or a stamped twist.
+
+    Raises
+    ------
+    InputError
+        If there is no such topic, or several and none is named.
+    """
     types = tuple(_FORWARD_LEFT_UP)
     with opened(path) as bag:
         chosen = choose_topic(bag, types, topic)

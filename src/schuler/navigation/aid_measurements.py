@@ -20,7 +20,7 @@ from schuler.ins import ZeroRate as ZeroRateRows
 from schuler.navigation.aid_checks import check_speed, inside
 from schuler.record import ImuRecord
 
-__all__ = ["AIDS", "Aid", "DopplerRows", "aid_noise", "aid_priors", "measurements_of"]
+__all__ = ["AIDS", "Aid", "DopplerRows", "aid_noise", "aid_priors", "left_out", "measurements_of"]
 
 Array = NDArray[np.float64]
 
@@ -118,3 +118,14 @@ def aid_noise(aids: Sequence[Aid]) -> dict[str, GroupNoise]:
         for aid in aids
         if isinstance(aid, Height) and aid.offset_sigma > 0.0
     }
+
+
+def left_out(aids: Sequence[Aid | BodySpeed]) -> list[str]:
+    """Return in sentences which rows of aids were left out, and why."""
+    out = []
+    for aid in aids:
+        dropped = {} if isinstance(aid, ZeroRate) else aid.dropped
+        if dropped:
+            said = ", ".join(f"{count} with {reason}" for reason, count in dropped.items())
+            out.append(f"rows of {aid.name} were left out: {said}")
+    return out

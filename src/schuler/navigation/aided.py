@@ -44,6 +44,7 @@ from schuler.navigation.aid_measurements import (
     DopplerRows,
     aid_noise,
     aid_priors,
+    left_out,
     measurements_of,
 )
 from schuler.navigation.aided_result import OUTPUT, WITHHELD, AidedNavigation, finished
@@ -197,7 +198,7 @@ def navigate_aided(
     contradictions, warnings = _against_priors(flt, np.sqrt(np.diag(covariance)))
     return replace(
         found, contradictions=(*found.contradictions, *contradictions),
-        warnings=(*found.warnings, *warnings),
+        warnings=(*found.warnings, *warnings, *left_out([*speeds, *known])),
     )  # fmt: skip
 
 
