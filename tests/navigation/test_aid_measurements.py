@@ -183,7 +183,7 @@ def test_aids_outside_or_unlike_the_record_are_refused():
         run(ZeroRate([(1000.0, 1010.0)]))
 
 
-@pytest.mark.parametrize("off", [18.0, -3.0, -18.0])
+@pytest.mark.parametrize("off", [18.0, -1.5, -3.0, -18.0])
 def test_clocks_apart_are_found_by_the_turns(off):
     sim, gnss = drive(51, sigma=0.5)
     check_clock(sim.record, gnss)
@@ -192,6 +192,7 @@ def test_clocks_apart_are_found_by_the_turns(off):
     words = f"An offset of \\{-off:+.1f} s" if off < 0 else f"An offset of {-off:+.1f} s"
     with pytest.raises(InputError, match=words) as caught:
         navigate_aided(sim.record, apart, spec=SPEC, options=QUIET)
+    check_clock(sim.record, replace(apart, delay=off) if abs(off) < 10.0 else gnss)
     assert ("leap seconds" in str(caught.value)) == (abs(off) == 18.0)
 
 

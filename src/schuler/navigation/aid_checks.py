@@ -119,7 +119,7 @@ def check_clock(record: ImuRecord, gnss: GnssFixes) -> None:
     """
     if gnss.v_n is None or len(gnss) < _FEWEST:
         return
-    time, v = np.asarray(gnss.time), np.asarray(gnss.v_n)
+    time, v = np.asarray(gnss.time) - gnss.delay, np.asarray(gnss.v_n)
     edges = np.arange(max(time[0], record.start), min(time[-1], record.end), _BIN)
     if len(edges) < 4 * _FARTHEST / _BIN:
         return
@@ -137,12 +137,14 @@ def check_clock(record: ImuRecord, gnss: GnssFixes) -> None:
     lags = np.arange(-_FARTHEST, _FARTHEST + 0.25, 0.5)
     found = np.array([_correlation(stamps, angle, edges, turn, use, lag) for lag in lags])
     best, now = int(np.argmax(found)), float(found[len(lags) // 2])
-    if abs(lags[best]) < _LAG or found[best] < _ALIKE or now > 0.5 * found[best]:
+    # The nearer to one, the less it takes to be clearly better than as stamped.
+    clear = 1.0 - now > 3.0 * (1.0 - found[best]) + 0.05
+    if abs(lags[best]) < _LAG or found[best] < _ALIKE or not clear:
         return
     lag = float(lags[best])
     cause = "leap seconds?" if abs(abs(lag) - 18.0) < 0.75 else "are both on one clock?"
     raise InputError(
-        f"{gnss.name}: its turns are those of the record at times {lag:+.1f} s off "
+        f"{gnss.name}: its turns are those of the record with its times moved by {lag:+.1f} s "
         f"(correlation {found[best]:.2f} there, {now:.2f} as stamped): {cause} An offset of "
         f"{lag:+.1f} s of its times brings them together"
     )
