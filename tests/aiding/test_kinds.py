@@ -34,6 +34,8 @@ def test_marks_of_no_value_are_left_out():
     found = BodyVelocity(np.arange(6.0), velocity, frame="FLU", valid=valid)
     assert found.dropped == {"the instrument's mark of no value": 3}
     np.testing.assert_allclose(found.velocity, np.tile([-0.1, 2.0, 0.2], (3, 1)))
+    fast = BodyVelocity([0.0], [[40.0, 0.0, -33.0]])
+    assert fast.velocity.tolist() == [[40.0, 0.0, -33.0]]
     again = BodyVelocity(found.time, found.velocity, found.sigma, found.frame)
     np.testing.assert_array_equal(again.velocity, found.velocity)
 
@@ -48,6 +50,7 @@ def test_marks_of_no_value_are_left_out():
      (lambda: HeadingFixes([0.0], [250.0]), "is it in deg"),
      (lambda: HeadingFixes([0.0], [1.0], baseline=(0, 0, 1.0)), "not along the body's up"),
      (lambda: BodyVelocity([0.0], [[1.0, 2.0, 3.0]], frame="NED"), "frame must be one of"),
+     (lambda: BodyVelocity([0.0], np.ones((1, 3)), valid=[1, 0]), "valid must be of shape"),
      (lambda: BodyVelocity([0.0], [1.0]), "velocity must be of shape"),
      (lambda: BodyVelocity([0.0], np.ones((1, 3)), estimate=("delay",)), "cannot estimate delay"),
      (lambda: BodyVelocity([0.0], np.ones((1, 3)), mount=(0, 0, 9.0)), "half a turn"),

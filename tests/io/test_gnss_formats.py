@@ -151,7 +151,7 @@ def test_known_sentences() -> None:
     assert one["course"] / DEG == pytest.approx(84.4)
 
 
-def test_a_day_and_a_week_go_on(tmp_path: Path) -> None:
+def test_times_increase_over_midnight_and_the_week_s_end(tmp_path: Path) -> None:
     path = tmp_path / "a.dat"
     path.write_bytes(make.nmea(begin=86400.0 - 3.0))
     assert np.diff(read_gnss(path).time) == pytest.approx(0.5)
@@ -173,6 +173,25 @@ def test_what_a_receiver_calls_no_fix_is_dropped(
     path.write_bytes(content())
     with pytest.raises(InputError, match=f"fewer than two usable fixes of 0: 20 with .*{reason}"):
         read_gnss(path)
+
+
+def test_a_kind_of_solution_that_is_newer_than_the_table_is_single(tmp_path: Path) -> None:
+    path = tmp_path / "a.dat"
+    for content in (
+        make.novatel_binary(position=99),
+        b"".join(_renamed(line) for line in make.novatel_ascii().splitlines(keepends=True)),
+    ):
+        path.write_bytes(content)
+        found = read_gnss(path)
+        assert len(found) == 20
+        assert np.all(found.quality == 5.0)
+
+
+def _renamed(line: bytes) -> bytes:
+    from tests.io.makers import novatel_crc
+
+    body = line[1:].split(b"*")[0].replace(b"NARROW_INT", b"BETTER_THAN_PPP")
+    return b"#" + body + b"*%08x\r\n" % novatel_crc(body)
 
 
 def test_damaged_messages_are_counted(tmp_path: Path) -> None:

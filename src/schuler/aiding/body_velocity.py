@@ -23,8 +23,8 @@ FRAMES = {
 """Where a sensor's x, y, z point -> what turns its components into right, forward, up."""
 
 PARTS = ("scale", "mount", "lever")
-_NO_VALUE = 32.0
-"""Doppler logs write -32.768 m/s where they have no velocity; none of them measures as much."""
+_NO_VALUE = -32.768
+"""What Doppler logs write where they have none, m/s: the least number of 16 bits, in mm/s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,11 +110,13 @@ class BodyVelocity:
             )
         velocity = np.asarray(self.velocity, np.float64)
         valid = None if self.valid is None else np.asarray(self.valid, np.float64)
+        if valid is not None and valid.shape != (len(velocity),):
+            raise InputError(
+                f"{self.name}: valid must be of shape ({len(velocity)},), got {valid.shape}"
+            )
         if velocity.ndim == 2:
             with np.errstate(invalid="ignore"):
-                there = np.all(np.abs(velocity) < _NO_VALUE, axis=1) | np.any(
-                    np.isnan(velocity), axis=1
-                )
+                there = np.all(np.abs(velocity - _NO_VALUE) > 1e-6, axis=1)
             valid = there.astype(np.float64) if valid is None else np.where(there, valid, 0.0)
         time, columns, sigma, dropped = checked_rows(
             self.name, self.time, {"velocity": velocity}, self.sigma, 3, self.dropped, valid
