@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from schuler.alignment.aligner import Aligner, align
+from schuler.alignment.aligner import Aligner
 from schuler.alignment.bound import Limit, Position, limit, load_positions, position_limit
 from schuler.alignment.compare import Comparison, compare
 from schuler.alignment.convergence import Convergence, convergence
@@ -21,6 +21,7 @@ from schuler.alignment.methods import (
 )
 from schuler.alignment.next_position import Fixture, Suggestion, suggest_position
 from schuler.alignment.result import Alignment
+from schuler.alignment.run import align
 from schuler.alignment.session import LiveSession
 from schuler.alignment.stationary.disturbance import Residual, residual
 from schuler.alignment.stationary.error_formulas import (
