@@ -152,3 +152,40 @@ def test_a_real_drive(data_dir):
     assert -0.2 < found.estimated["delay_s"]["gnss"][0] < -0.1
     assert found.outages["forward"]["rms_horizontal_m"] < 12.0
     assert found.outages["smoothed"]["rms_horizontal_m"] < 0.65
+
+
+def test_the_path_at_samples_joins_the_epochs_and_ends_with_the_record():
+    made, gnss = drive(7)
+    gap = (gnss.time < 90.0) | (gnss.time > 110.0)
+    found = navigate_aided(made.record, gnss.rows(gap), spec=SPEC,
+                           options=replace(QUIET, smooth=True))  # fmt: skip
+    # Where nothing is measured there are epochs all the same, and sigma grows.
+    assert np.diff(found.path.time).max() <= 1.5
+    assert found.path.time[-1] == made.record.end
+    inside = (found.forward.time > 91.0) & (found.forward.time < 110.0)
+    assert np.all(np.diff(found.forward.variances[inside, 6]) > 0.0)
+    path = found.at_samples(made.record)
+    at = np.searchsorted(path.time, found.path.time - 1e-6)
+    for name, scale in (("lat", 6.4e6), ("lon", 6.4e6), ("height", 1.0)):
+        off = getattr(path, name)[at] - getattr(found.path, name)
+        assert np.abs(off).max() * scale < 1e-4
+    np.testing.assert_allclose(path.v_n[at], found.path.v_n, atol=1e-4)
+    truth = made.truth
+    k = np.searchsorted(truth.time, path.time - 1e-6)
+    error = np.column_stack([(path.lat - truth.lat[k]) * 6.36e6, path.height - truth.height[k]])
+    assert np.abs(np.diff(error, axis=0)).max() < 2e-3
+    assert np.abs(error).max() < 2.0
+    tenth = found.at_samples(made.record, every=10)
+    assert tenth.time[-1] == path.time[-1]
+    np.testing.assert_array_equal(tenth.lat, path.lat[(len(path) - 1) % 10 :: 10])
+
+
+def test_without_smoothing_the_path_at_samples_steps_at_epochs_as_the_filter_does():
+    made, gnss = drive(8, length=60.0)
+    found = navigate_aided(made.record, gnss, spec=SPEC, options=QUIET)
+    path = found.at_samples(made.record)
+    assert path.time[-1] == made.record.end
+    at = np.searchsorted(path.time, found.path.time - 1e-6)
+    np.testing.assert_allclose(path.v_n[at], found.path.v_n, atol=1e-9)
+    with pytest.raises(InputError, match="at least 1"):
+        found.at_samples(made.record, every=0)

@@ -208,10 +208,10 @@ class _Observable:
 
     def probability(self, prior: float) -> float:
         """Return how likely chance makes as large a chi-square."""
-        from scipy.stats import chi2
+        from scipy.special import chdtrc
 
         k = len(self.value)
-        return float(chi2.sf(self.statistic(prior), k)) if k else 1.0
+        return float(chdtrc(k, self.statistic(prior))) if k else 1.0
 
     def likely(self) -> float:
         """Return twice the 1-sigma of a bias that makes the values likeliest.

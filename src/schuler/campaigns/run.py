@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler._arrow import numbers
 from schuler.campaigns.chunk import AXES
 from schuler.campaigns.execute import execute
 from schuler.campaigns.plan import Campaign
@@ -57,14 +58,12 @@ class Results:
 
     def scatters(self) -> list[Scatter]:
         """Return how the errors scatter, for each place of the sweep and each method."""
-        point = self.table.column("point").to_numpy()
+        point = numbers(self.table.column("point"))
         method = np.array(self.table.column("method").to_pylist())
         out = []
 
         def columns(name: str, rows: Any) -> Any:
-            return np.column_stack(
-                [self.table.column(f"{name}_{a}").to_numpy()[rows] for a in AXES]
-            )
+            return np.column_stack([numbers(self.table.column(f"{name}_{a}"))[rows] for a in AXES])
 
         for place in self.campaign.points:
             for name in place.methods:
@@ -72,8 +71,8 @@ class Results:
                 out.append(
                     Scatter(
                         name, dict(place.values), columns("phi", rows), columns("sigma", rows),
-                        columns("limit", rows), self.table.column("nees").to_numpy()[rows],
-                        self.table.column("heading_error").to_numpy()[rows],
+                        columns("limit", rows), numbers(self.table.column("nees"))[rows],
+                        numbers(self.table.column("heading_error"))[rows],
                     )
                 )  # fmt: skip
         return out

@@ -96,10 +96,12 @@ class Scatter(Shown):
     @property
     def nees_band(self) -> tuple[float, float]:
         """Where `nees_ratio` lies in 99 of 100 cases if the covariance is consistent."""
-        from scipy.stats import chi2
+        from scipy.special import chdtri, gammaincinv
 
         n = 3 * self.runs
-        return float(chi2.ppf(FALSE_ALARM / 2, n)) / n, float(chi2.isf(FALSE_ALARM / 2, n)) / n
+        return 2.0 * float(gammaincinv(0.5 * n, FALSE_ALARM / 2)) / n, float(
+            chdtri(n, FALSE_ALARM / 2)
+        ) / n
 
     @property
     def consistent(self) -> bool:

@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from schuler._arrow import column_of, numbers
 from schuler._files import parse_json, replacing
 from schuler.campaigns.chunk import Chunk, schema
 from schuler.campaigns.plan import Campaign
@@ -217,11 +218,11 @@ class Store:
         import numpy as np
         import pyarrow as pa
 
-        point = table.column("point").to_numpy()
+        point = numbers(table.column("point"))
         for k, (key, values) in enumerate(self.campaign.sweep.items()):
             at = [place.values[key] for place in self.campaign.points]
             if all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
-                column = pa.array(np.array(at, np.float64)[point])
+                column = column_of(np.array(at, np.float64)[point])
             else:
                 texts = [v if isinstance(v, str) else json.dumps(v) for v in at]
                 column = pa.array(texts).take(pa.array(point))
@@ -254,7 +255,7 @@ def _check_rows(table: Any, chunks: list[Chunk]) -> None:
     for name in schema().names:
         if not name.startswith(("sigma_", "limit_", "heading_error", "warnings")):
             continue
-        values = np.asarray(table.column(name).to_numpy(), np.float64)
+        values = np.asarray(numbers(table.column(name)), np.float64)
         low, high = (-np.pi, np.pi) if name == "heading_error" else (0.0, np.inf)
         # NaN is what an alignment without a bound gives.
         if np.any(values < low) or np.any(values > high):

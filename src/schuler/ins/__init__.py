@@ -15,6 +15,7 @@ from schuler.ins.dynamics import (
     instrument_noise,
     instrument_prior,
 )
+from schuler.ins.epoch_states import EpochStates, SampleStates
 from schuler.ins.filter import ErrorStateFilter
 from schuler.ins.layout import Layout
 from schuler.ins.measurements import (
@@ -26,6 +27,7 @@ from schuler.ins.measurements import (
     Height,
     Measurement,
     NonHolonomic,
+    OutputEpoch,
     Position,
     State,
     Velocity,
@@ -43,6 +45,7 @@ __all__ = [
     "ConstantBase",
     "CustomMeasurement",
     "EpochHistory",
+    "EpochStates",
     "Epochs",
     "ErrorStateFilter",
     "GroupNoise",
@@ -52,8 +55,10 @@ __all__ = [
     "Layout",
     "Measurement",
     "NonHolonomic",
+    "OutputEpoch",
     "Position",
     "ProcessNoise",
+    "SampleStates",
     "Smoothed",
     "State",
     "Velocity",

@@ -182,7 +182,8 @@ class ErrorStateFilter:
             # The start is an epoch without measurements.
             self._kept_x.append(np.stack([self._x, self._x, np.zeros(size)])[None])
             self._kept_p.append(np.stack([self._p, self._p, np.eye(size)])[None])
-        self._start = (self.quat_nb, self.v_n)
+        place = self._state[kernel.QUAT_NE : kernel.QUAT_NE + 4].copy()
+        self._start = (self.quat_nb, self.v_n, place, site.height)
 
     def _split(self, p: Array) -> Array:
         """Return the covariance at the start by source."""
@@ -469,7 +470,17 @@ class ErrorStateFilter:
         if not len(self._chain):
             raise InputError("make the filter with smooth=True for a smoother")
         x, p = np.concatenate(self._kept_x), np.concatenate(self._kept_p)
-        return smoothed(self.layout, Epochs(x, p), self.history(), self._start)
+        return smoothed(self.layout, Epochs(x, p), self.history(), self._start[:2])
+
+    @property
+    def settings(self) -> tuple[Array, Array]:
+        """Settings of the navigation as its kernels take them: cfg and those of the strapdown."""
+        return self._cfg.copy(), self._options.copy()
+
+    @property
+    def start(self) -> tuple[Array, Array, Array, float]:
+        """Attitude, velocity, q_n^e and height at the start."""
+        return self._start
 
     # -- saving ------------------------------------------------------------------------
 

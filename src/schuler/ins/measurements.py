@@ -19,8 +19,8 @@ from schuler.kernels import ins_layout as kernel
 
 __all__ = [
     "BodyVelocity", "ConstantBase", "CustomMeasurement", "Handling", "Heading", "Height",
-    "Measurement", "NonHolonomic", "Position", "State", "Velocity", "ZeroDisplacement",
-    "ZeroForce", "ZeroRate", "ZeroVelocity",
+    "Measurement", "NonHolonomic", "OutputEpoch", "Position", "State", "Velocity",
+    "ZeroDisplacement", "ZeroForce", "ZeroRate", "ZeroVelocity",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -356,6 +356,21 @@ class Heading(_Scalar):
         aid = super().parameters(layout, sources)
         aid[kernel.A_BASELINE : kernel.A_BASELINE + 3] = self.baseline
         return aid
+
+
+@dataclass(frozen=True, eq=False)
+class OutputEpoch(Measurement):
+    """An instant at which nothing is measured: a row of output, and an epoch of the smoother."""
+
+    KIND: ClassVar[int] = kernel.VELOCITY_FIX
+    STATES: ClassVar[Mapping[str, int]] = {}
+    LABEL: ClassVar[str] = "output_epoch"
+
+    def table(self, aid: int) -> Array:
+        """Return the rows of the kernel's table of measurements, (m, M_SIZE)."""
+        out = super().table(aid)
+        out[:, kernel.M_SIGMA :] = 0.0
+        return out
 
 
 @dataclass(frozen=True, eq=False)

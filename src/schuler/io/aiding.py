@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler._arrow import numbers
 from schuler.aiding import BodySpeed, GnssFixes
 from schuler.constants import DEG
 from schuler.errors import InputError, shown
@@ -216,7 +217,7 @@ def _table(path: Path, names: dict[str, str]) -> Table:
         table = read_sealed(path)[0]
         try:
             columns = {
-                name: np.asarray(table.column(k).cast(pa.float64()).to_numpy(), np.float64)
+                name: np.asarray(numbers(table.column(k).cast(pa.float64())), np.float64)
                 for k, name in enumerate(table.column_names)
             }
         except pa.ArrowException as error:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler._arrow import numbers
 from schuler.errors import InputError, shown
 from schuler.io.content import Array
 from schuler.io.dialect import NUMBER, Dialect, split
@@ -101,7 +102,7 @@ class Cells:
     def _values(self, i: int, column: Any) -> Array:
         if i in self.instants:
             return seconds_of(column.to_pylist())
-        return np.asarray(column.to_numpy(), np.float64)
+        return np.asarray(numbers(column), np.float64)
 
     def _clean(self, block: bytes) -> bytes:
         """Leave only rows, with one mark between cells."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler._arrow import numbers
 from schuler.errors import InputError, shown
 from schuler.io.columns import choose
 from schuler.io.content import BLOCK_ROWS, Array, Block, Content
@@ -111,7 +112,7 @@ def _numbers(column: Any) -> Array:
 
     if column.type != pa.float64():
         column = column.cast(pa.float64(), safe=False)
-    return np.asarray(column.to_numpy(zero_copy_only=False), np.float64)
+    return np.asarray(numbers(column), np.float64)
 
 
 def _decimal(kind: Any) -> bool:

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler._arrow import numbers
 from schuler.errors import InputError
 from schuler.io.limits import check_size
 from schuler.io.pages import check_pages, damaged_parquet, footer_bytes
@@ -213,7 +214,13 @@ def _take(hasher: Any, column: Any) -> None:
         for text in column.to_pylist():
             _feed(hasher, text.encode("utf-8", "surrogatepass"))
         return
-    values = column.to_numpy(zero_copy_only=False)
+    try:
+        values = numbers(column)
+    except TypeError:
+        raise InputError(
+            f"is damaged: it has a column of {column.type}, which schuler does not write; copy it "
+            "again from where it came"
+        ) from None
     hasher.update(np.ascontiguousarray(values, values.dtype.newbyteorder("<")).data)
 
 

@@ -13,6 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._arrow import column_of, numbers
 from schuler._files import replacing
 from schuler.attitude import euler_to_quat, heading_to_psi, quat_to_euler
 from schuler.constants import DEG
@@ -156,7 +157,7 @@ def _parquet(path: Path) -> dict[str, Array]:
     table = read_sealed(path)[0]
     try:
         return {
-            role: np.asarray(table.column(k).cast(pa.float64()).to_numpy(), np.float64)
+            role: np.asarray(numbers(table.column(k).cast(pa.float64())), np.float64)
             for role, k in _roles(table.column_names).items()
         }
     except (pa.ArrowException, OSError) as error:
@@ -270,7 +271,7 @@ def write_trajectory(
         elif suffix == ".parquet":
             import pyarrow as pa
 
-            table = pa.table({k: pa.array(np.ascontiguousarray(v)) for k, v in columns.items()})
+            table = pa.table({k: column_of(v) for k, v in columns.items()})
             text = json.dumps(dict(about or {}), allow_nan=False)
             write_sealed(
                 table, part, {"schuler": text},

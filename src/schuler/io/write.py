@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler._arrow import column_of
 from schuler._files import replacing
 from schuler.errors import InputError
 from schuler.io.dialect import MAGIC
@@ -84,7 +85,7 @@ def _table(record: ImuRecord) -> Any:
 
     columns = [record.time, record.dt, *record.dtheta.T, *record.dvel.T]
     return pa.table(
-        [pa.array(np.ascontiguousarray(column)) for column in columns],
+        [column_of(column) for column in columns],
         names=_columns(record.dtheta.shape[1]),
     )
 

@@ -29,6 +29,7 @@ from schuler.ins import (
     Layout,
     Measurement,
     NonHolonomic,
+    OutputEpoch,
     Position,
     ProcessNoise,
     Velocity,
@@ -37,7 +38,7 @@ from schuler.ins import (
     instrument_noise,
     instrument_prior,
 )
-from schuler.navigation.aided_result import AidedNavigation, finished
+from schuler.navigation.aided_result import OUTPUT, WITHHELD, AidedNavigation, finished
 from schuler.navigation.motion_start import motion_start
 from schuler.navigation.navigator import Start
 from schuler.navigation.outages import Outages
@@ -47,9 +48,6 @@ from schuler.sensors import CONSUMER_MEMS, ImuSpec
 __all__ = ["AidingOptions", "navigate_aided"]
 
 Array = NDArray[np.float64]
-
-WITHHELD = "withheld"
-"""Name of the fixes of outages: the filter predicts them and learns nothing from them."""
 
 _NO_WEIGHT = 1e7
 """Sigma (m) of a fix that teaches nothing."""
@@ -100,6 +98,8 @@ class AidingOptions:
     robust : {None, "huber", "igg3"}
     smooth : bool
         Smooth afterwards.
+    longest_interval : float
+        Time between rows of output where nothing is measured, s; half as much more is let pass.
     """
 
     non_holonomic: bool = False
@@ -113,6 +113,7 @@ class AidingOptions:
     vibration: float = _VIBRATION
     robust: str | None = None
     smooth: bool = False
+    longest_interval: float = 1.0
 
 
 def navigate_aided(
@@ -166,6 +167,9 @@ def navigate_aided(
     ])  # fmt: skip
     noise = _noise(layout, instrument, options)
     covariance = np.diag(_prior(layout, instrument, options, begin, bias_sigma, measured) ** 2)
+    more = _output_times(record, [*measured, *aids], options.longest_interval)
+    if len(more):
+        measured.append(OutputEpoch(more, name=OUTPUT))
     flt = ErrorStateFilter(
         layout, begin.site, begin.quat_nb, covariance, noise, [*measured, *aids], v_n=begin.v_n,
         parameters={"gyro_bias": bias}, smooth=options.smooth, step=0.1,
@@ -352,6 +356,22 @@ def _constraint_times(record: ImuRecord, interval: float, bias: Array) -> Array:
     turn = (record.gyro[: count * each] - bias).reshape(count, each, 3).mean(axis=1)
     slow = np.linalg.norm(turn, axis=1) < 20.0 * DEG
     return np.asarray(record.time[each - 1 : count * each : each][slow])
+
+
+def _output_times(
+    record: ImuRecord, aids: Sequence[Measurement | CustomMeasurement], longest: float
+) -> Array:
+    """Return instants that leave no longer interval without an epoch, the record's end with it."""
+    times = [np.asarray(aid.time, np.float64) for aid in aids]
+    edges = np.unique(np.concatenate([[record.start], *times, [record.end]]))
+    edges = edges[(edges >= record.start) & (edges <= record.end)]
+    out = [] if any(record.end in each for each in times) else [np.array([record.end])]
+    for k in np.flatnonzero(np.diff(edges) > 1.5 * longest):
+        count = int(np.ceil((edges[k + 1] - edges[k]) / longest))
+        wanted = np.linspace(edges[k], edges[k + 1], count + 1)[1:-1]
+        # On samples: a row of the path there is one of the record.
+        out.append(record.time[np.searchsorted(record.time, wanted - 1e-9)])
+    return np.unique(np.concatenate(out)) if out else np.zeros(0)
 
 
 def _noise(layout: Layout, spec: ImuSpec, options: AidingOptions) -> ProcessNoise:

@@ -14,7 +14,8 @@ from schuler.aiding import GnssFixes
 from schuler.attitude import multiply, quat_to_matrix, rotvec_to_quat
 from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G
 from schuler.earth import radii
-from schuler.ins import BodyVelocity, ErrorStateFilter, Measurement
+from schuler.errors import InputError
+from schuler.ins import BodyVelocity, EpochStates, ErrorStateFilter, Measurement
 from schuler.kernels.states import ErrorStates
 from schuler.navigation.outages import Outages, OutageScore
 from schuler.record import ImuRecord
@@ -27,6 +28,12 @@ if TYPE_CHECKING:
 __all__ = ["AidedNavigation", "estimate_rows", "finished"]
 
 Array = NDArray[np.float64]
+
+WITHHELD = "withheld"
+"""Name of the fixes of outages: the filter predicts them and learns nothing from them."""
+
+OUTPUT = "output_epoch"
+"""Name of the epochs at which nothing is measured."""
 
 _REFUSED_SHARE, _RATIO = 0.3, 3.0
 """Share of refused fixes, and mean squared normalised innovation over a minute, that contradict."""
@@ -54,6 +61,10 @@ class AidedNavigation(Shown):
     gaps : tuple of (float, float)
         Spans of more than five seconds without a fix that was used.
     spec : ImuSpec
+    epochs : EpochStates
+        From which `at_samples` follows.
+    covariances : (n, 9, 9) float64 or None
+        Of attitude, velocity and position at each row of `path`, where it was smoothed.
     """
 
     path: Trajectory
@@ -67,6 +78,37 @@ class AidedNavigation(Shown):
     contradictions: tuple[str, ...]
     gaps: tuple[tuple[float, float], ...]
     spec: ImuSpec = field(repr=False)
+    epochs: EpochStates = field(repr=False)
+    covariances: Array | None = field(default=None, repr=False)
+
+    def at_samples(self, record: ImuRecord, every: int = 1) -> Trajectory:
+        """Return the path at the samples of the record that was navigated.
+
+        Between epochs it is inertial navigation with what was estimated; a smoothed one joins the
+        next epoch without a step. Variances are interpolated.
+
+        Parameters
+        ----------
+        record : ImuRecord
+        every : int
+            Samples to a row.
+
+        Raises
+        ------
+        InputError
+            If the record ends before the navigation starts, or `every` is not positive.
+        """
+        if every < 1:
+            raise InputError(f"samples to a row must be at least 1, got {every}")
+        s = self.epochs.at_samples(record.between(None, float(self.path.time[-1])))
+        rows = slice((len(s.time) - 1) % every, None, every)
+        time, at = s.time[rows], self.path.time
+        known = self.path.known("variances")
+        variances = np.column_stack([np.interp(time, at, column) for column in known.T])
+        return _path(
+            time, s.quat_nb[rows], s.v_n[rows], s.quat_ne[rows], s.height[rows], variances, None,
+            record.name,
+        )  # fmt: skip
 
     @property
     def consistent(self) -> bool:
@@ -135,25 +177,28 @@ def finished(
     forward = _path(
         history.time, history.quat_nb, history.v_n, history.quat_ne, history.height,
         _variances(flt, lambda name: history.sigma(name) ** 2), None, record.name,
+        flt.covariance[: ErrorStates.size, : ErrorStates.size],
     )  # fmt: skip
-    path, smoothed = forward, None
+    path, smoothed, covariances = forward, None, None
     if flt.smooths:
         smoothed = flt.smoothed()
         path = _smoothed_path(flt, smoothed, record.name)
+        covariances = smoothed.covariance[1:, :9, :9].copy()
     innovations = {}
     counts: dict[str, int] = {}
     refused: dict[str, int] = {}
     names = [aid.label if isinstance(aid, Measurement) else aid.name for aid in flt.aids]
     for name in names:
         each = flt.innovations(name)
-        innovations[name] = each
-        if name == "withheld":
+        if name != OUTPUT:
+            innovations[name] = each
+        if name in (WITHHELD, OUTPUT):
             continue
         counts[name] = int(np.sum(each[3] > 0.0))
         refused[name] = int(np.sum(each[3] == 0.0))
     score = None
     if withheld is not None and outages is not None:
-        score = _scores(outages, withheld, innovations["withheld"], flt, smoothed, path, record)
+        score = _scores(outages, withheld, innovations[WITHHELD], flt, smoothed, path, record)
     taken = innovations[used.name]
     gaps = _gaps(taken[0][taken[3] > 0.0], record)
     contradictions = [*gnss.contradictions(), *_contradictions(used, refused, counts, taken)]
@@ -161,6 +206,7 @@ def finished(
     return AidedNavigation(
         path, forward, _estimates(flt, measured, smoothed), counts, refused, innovations, score,
         tuple(warnings), tuple(contradictions), gaps, spec,
+        EpochStates.of(flt, record.start, smoothed), covariances,
     )  # fmt: skip
 
 
@@ -184,9 +230,12 @@ def _turned(vector: Array, angle: Array) -> Array:
 
 def _path(
     time: Array, quat: Array, v: Array, quat_ne: Array, height: Array, variances: Array,
-    off: Array | None, name: str,
+    off: Array | None, name: str, covariance: Array | None = None,
 ) -> Trajectory:  # fmt: skip
-    """Return a trajectory of what a filter had in its wander frame, less an error of position."""
+    """Return a trajectory of what a filter had in its wander frame, less an error of position.
+
+    `covariance` is that of the error states at the end, in that frame.
+    """
     lat, lon, angle = _east(quat_ne)
     turn = np.zeros((len(time), 3))
     turn[:, 2] = -angle
@@ -198,7 +247,12 @@ def _path(
         lon = lon - east / ((transverse + height) * np.cos(lat))
         height = height - up
     lon = (lon + np.pi) % (2.0 * np.pi) - np.pi
-    covariance = np.diag(variances[-1])
+    if covariance is not None:
+        c, s = np.cos(angle[-1]), np.sin(angle[-1])
+        turn = np.eye(len(covariance))
+        for k in (0, 3, 6):
+            turn[k : k + 2, k : k + 2] = [[c, s], [-s, c]]
+        covariance = turn @ covariance @ turn.T
     return Trajectory(
         time, lat, lon, height, _turned(v, angle), quat_nb, variances, covariance, name=name
     )
@@ -218,7 +272,11 @@ def _smoothed_path(flt: ErrorStateFilter, smoothed: Smoothed, name: str) -> Traj
     quat, v = smoothed.quat_nb[1:], smoothed.v_n[1:]
     off = smoothed.error[1:, flt.layout["position"]]
     variances = _variances(flt, lambda group: smoothed.sigma(group)[1:] ** 2)
-    return _path(history.time, quat, v, history.quat_ne, history.height, variances, off, name)
+    # At the end the smoother knows what the filter does.
+    covariance = flt.covariance[: ErrorStates.size, : ErrorStates.size]
+    return _path(
+        history.time, quat, v, history.quat_ne, history.height, variances, off, name, covariance
+    )
 
 
 def _scores(
@@ -338,7 +396,7 @@ def _estimates(
 
     for aid in measured:
         for group, _ in aid.groups:
-            if not group.startswith(f"{aid.label}.") or aid.label == "withheld":
+            if not group.startswith(f"{aid.label}.") or aid.label == WITHHELD:
                 continue
             part = group.rpartition(".")[2]
             if part == "delay":

@@ -160,8 +160,7 @@ def histogram(s: Scatter) -> Any:
 
 def quantile_plot(s: Scatter) -> Any:
     """Draw sorted errors over sigma against normal quantiles, with the band of chance."""
-    from scipy.special import ndtri
-    from scipy.stats import beta
+    from scipy.special import betaincinv, ndtri
 
     go = graph_objects()
 
@@ -171,8 +170,8 @@ def quantile_plot(s: Scatter) -> Any:
     keep = np.unique(np.round(np.linspace(0, n - 1, min(n, 400))).astype(np.int64))
     x: Array = ndtri((k - 0.5) / n)[keep]
     y: Array = np.sort(s.normalised)[keep]
-    low: Array = ndtri(beta.ppf(0.005, k, n + 1 - k))[keep]
-    high: Array = ndtri(beta.isf(0.005, k, n + 1 - k))[keep]
+    low: Array = ndtri(betaincinv(k, n + 1 - k, 0.005))[keep]
+    high: Array = ndtri(1.0 - betaincinv(n + 1 - k, k, 0.005))[keep]
     shade = go.Scatter(
         x=np.concatenate([x, x[::-1]]), y=np.concatenate([high, low[::-1]]), name="99 % of chance",
         mode="lines", fill="toself", fillcolor="rgba(0,114,178,0.14)", line={"width": 0},

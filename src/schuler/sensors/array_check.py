@@ -156,22 +156,23 @@ class ArrayCheck:
 
     def _look(self, groups: Array, working: tuple[int, ...]) -> _Seen | None:
         """Return what the parity of some gyros shows, or None where it is noise and bias."""
-        from scipy.stats import chi2, f
+        from scipy.special import chdtri, fdtri
 
         p = groups @ parity_matrix(self.array, working).T
         k, m = p.shape
         steps = np.sum(np.diff(p, axis=0) ** 2, axis=1)
         # The median of a chi-square of m, for differences of two.
-        variance = float(np.median(steps)) / (2.0 * float(chi2.median(m)))
+        variance = float(np.median(steps)) / (2.0 * float(chdtri(m, 0.5)))
         variance = max(variance, float(np.finfo(float).tiny))
         freedom = _EFFICIENCY * m * (k - 1)
         mean = p.mean(axis=0)
         sizes = np.sum(p**2, axis=1)
         worst = int(np.argmax(sizes))
-        allowed = self._bias**2 * float(chi2.isf(0.5 * self._false_alarm, m))
+        allowed = self._bias**2 * float(chdtri(m, 0.5 * self._false_alarm))
+        # An upper quantile of F is one over a lower one with the degrees of freedom exchanged.
         # Half of the false alarms for the mean, half for the worst of the groups.
-        most = m * float(f.isf(0.5 * self._false_alarm, m, freedom))
-        most_of_worst = m * float(f.isf(0.5 * self._false_alarm / k, m, freedom))
+        most = m * float(1.0 / fdtri(freedom, m, 0.5 * self._false_alarm))
+        most_of_worst = m * float(1.0 / fdtri(freedom, m, 0.5 * self._false_alarm / k))
         size = float(np.sum(mean**2))
         if size > variance / k * most + allowed:
             return _Seen(size**0.5, (size / (variance / k)) ** 0.5, mean)

@@ -182,9 +182,9 @@ class ParityTest:
     @property
     def threshold(self) -> float:
         """What the statistic exceeds by chance with the false-alarm rate."""
-        from scipy.stats import chi2
+        from scipy.special import chdtri
 
-        return float(chi2.isf(self.false_alarm, self.freedom))
+        return float(chdtri(self.freedom, self.false_alarm))
 
     def sums(self, measured: ArrayLike) -> Array:
         """Return the parity of whole windows in standard deviations, (windows, n - 3)."""
@@ -210,9 +210,9 @@ class ParityTest:
 
     def miss_rate(self, sensor: int, shift: float) -> float:
         """Return the chance that a window with such a fault does not alarm."""
-        from scipy.stats import ncx2
+        from scipy.special import chndtr
 
-        return float(ncx2.cdf(self.threshold, self.freedom, self.non_centrality(sensor, shift)))
+        return float(chndtr(self.threshold, self.freedom, self.non_centrality(sensor, shift)))
 
     def mean_delay(self, sensor: int, shift: float) -> float:
         """Return the mean number of samples from the fault to the end of the first alarm.
@@ -224,7 +224,7 @@ class ParityTest:
     def smallest_fault(self, sensor: int, miss: float = 0.01) -> float:
         """Return the extra increment (rad a sample) that is missed with a given chance."""
         from scipy.optimize import brentq
-        from scipy.stats import ncx2
+        from scipy.special import chndtr
 
         if not 0.0 < miss < 1.0 - self.false_alarm:
             raise InputError(f"a miss rate is 0 to {1 - self.false_alarm:g}, got {miss}")
@@ -232,7 +232,7 @@ class ParityTest:
         if unit <= 0:
             raise InputError(f"sensor {sensor} does not show in the parity: no fault of it is seen")
         found = brentq(
-            lambda x: ncx2.cdf(self.threshold, self.freedom, x) - miss, 1e-9, 1e4, xtol=1e-9
+            lambda x: chndtr(self.threshold, self.freedom, x) - miss, 1e-9, 1e4, xtol=1e-9
         )
         return float(np.sqrt(found / unit))
 
@@ -310,13 +310,13 @@ def blame_by_rate(
     false_alarm : float
         For the largest of all sensors together.
     """
-    from scipy.stats import norm
+    from scipy.special import ndtri
 
     m = np.asarray(measured, np.float64)
     left = (m - np.broadcast_to(np.asarray(rate, np.float64), (len(m), 3)) @ array.h.T).mean(axis=0)
     z = left / (sigma / np.sqrt(len(m)))
     j = int(np.argmax(np.abs(z)))
-    limit = float(norm.isf(0.5 * false_alarm / len(array)))
+    limit = float(-ndtri(0.5 * false_alarm / len(array)))
     if abs(z[j]) < limit:
         return Blame(None, None, f"no sensor differs from the known rate by {limit:.1f} sigma")
     return Blame(j, float(left[j]), f"sensor {j} differs from the known rate by {abs(z[j]):.1f} "
@@ -411,10 +411,10 @@ class FaultMonitor:
 
     def _reconsider(self, time: float, rows: Array) -> None:
         """Test each excluded sensor against what the others say of it."""
-        from scipy.stats import norm
+        from scipy.special import ndtri
 
         s = self.test
-        limit = float(norm.isf(0.5 * s.false_alarm))
+        limit = float(-ndtri(0.5 * s.false_alarm))
         for j in list(self.out):
             k = s.array.estimator(self.working)
             row = s.array.h[j] @ k
