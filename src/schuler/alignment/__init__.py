@@ -1,4 +1,4 @@
-"""Finding the attitude of a stationary vehicle, with its uncertainty."""
+"""Finding the attitude of a vehicle, at rest or in motion, with its uncertainty."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ from schuler.alignment.methods import (
     KalmanAlignment,
     parse_method,
 )
+from schuler.alignment.moving.path_bound import PathLimit, limit_on, planned_fixes, record_on
+from schuler.alignment.moving.result import MovingAlignment
 from schuler.alignment.next_position import Fixture, Suggestion, suggest_position
 from schuler.alignment.result import Alignment
 from schuler.alignment.run import align
@@ -53,6 +55,8 @@ __all__ = [
     "LiveAligner",
     "LiveSession",
     "Method",
+    "MovingAlignment",
+    "PathLimit",
     "Position",
     "Problem",
     "Residual",
@@ -68,10 +72,13 @@ __all__ = [
     "inertial_error",
     "inertial_frame_error",
     "limit",
+    "limit_on",
     "limit_table",
     "load_positions",
     "parse_method",
+    "planned_fixes",
     "position_limit",
+    "record_on",
     "residual",
     "suggest_position",
 ]

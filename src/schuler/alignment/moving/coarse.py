@@ -209,8 +209,10 @@ def _robust(series: Series, noise: float) -> Array:
     for _ in range(_ROUNDS):
         mat = Sums(series, weights * base).rotation()
         size = np.linalg.norm(_residual(series, mat, weights * base), axis=1) / np.sqrt(power)
+        size /= noise
         usual = float(np.median(size[weights > 0.0])) / _USUAL
-        weights = weights_igg3(size / (max(usual, 1e-12) * np.sqrt(3.0)))
+        # What is within the stated noise is no outlier, however small the others are.
+        weights = weights_igg3(size / (max(usual, 1.0) * np.sqrt(3.0)))
         if np.sum(weights > 0.0) < _LEAST_ROWS:
             raise InputError("the measurements contradict one another: no six of them agree")
     return weights

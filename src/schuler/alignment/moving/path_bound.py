@@ -8,22 +8,24 @@ prior. No unbiased estimator of these measurements has less.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.aiding import GnssFixes
+from schuler.alignment.moving.fine import filtered_end
 from schuler.alignment.moving.setup import Aid, Nominal, make_filter, measurements
 from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec
+from schuler.constants import ARCMIN
 from schuler.earth import earth_rate, gravity, transport_rate
 from schuler.errors import InputError
-from schuler.ins import ErrorStateFilter
-from schuler.ins.frames import east_angle, to_east_north_up
 from schuler.record import ImuRecord
-from schuler.sensors import ImuSpec
+from schuler.sensors import ImuSpec, load_spec
 from schuler.trajectory import Trajectory
 
-__all__ = ["limit_on", "planned_fixes", "record_on"]
+__all__ = ["PathLimit", "limit_on", "planned_fixes", "record_on"]
 
 Array = NDArray[np.float64]
 
@@ -87,17 +89,50 @@ def planned_fixes(
     return GnssFixes(time, lat, lon, height, sigma, v, v_sigma or 0.1, name="gnss")
 
 
+@dataclass(frozen=True, eq=False)
+class PathLimit:
+    """The best covariance that an alignment in motion can have at the end of a path.
+
+    Parameters
+    ----------
+    duration : float
+        s.
+    covariance : (9, 9) float64
+        Of phi (rad), velocity (m/s) and position (m), east, north, up.
+    gyro_bias, accel_bias : (3,) float64
+        1-sigma that the path leaves of the biases, rad/s and m/s^2.
+    parameters : dict of str to array
+        1-sigma of what is estimated of aids.
+    """
+
+    duration: float
+    covariance: Array
+    gyro_bias: Array
+    accel_bias: Array
+    parameters: dict[str, Array]
+
+    @property
+    def phi(self) -> Array:
+        """Covariance of phi, rad^2, (3, 3)."""
+        return self.covariance[:3, :3]
+
+    @property
+    def sigma_arcmin(self) -> Array:
+        """1-sigma of phi, arcmin, (3,)."""
+        return np.asarray(np.sqrt(np.diag(self.phi)) / ARCMIN)
+
+
 def limit_on(
-    path: Trajectory, spec: ImuSpec, aiding: Aid | Sequence[Aid], *,
+    path: Trajectory, spec: ImuSpec | str | Path, aiding: Aid | Sequence[Aid], *,
     record: ImuRecord | None = None, vibration: float = 0.0,
-) -> ErrorStateFilter:  # fmt: skip
-    """Return a filter that was led along a path: its covariance is the bound.
+) -> PathLimit:  # fmt: skip
+    """Return the Cramér-Rao bound of an alignment at the end of a path.
 
     Parameters
     ----------
     path : Trajectory
-        With velocity and attitude.
-    spec : ImuSpec
+        With velocity and attitude: a plan, the truth of a simulation, or a path that was driven.
+    spec : ImuSpec, str or path
         The instrument.
     aiding : GnssFixes, BodySpeed, or a sequence of them
         Instants and noise of what is measured; their values do not matter.
@@ -110,21 +145,36 @@ def limit_on(
     ------
     InputError
         If the path has no velocity or attitude, or no measurement lies on it.
+
+    Examples
+    --------
+    >>> limit_on(path, "navigation-fog", planned_fixes(path)).sigma_arcmin  # doctest: +SKIP
     """
+    instrument = load_spec(spec)
+    if instrument is None:
+        raise InputError("a bound needs an instrument: give its specification")
     aids = [aiding] if isinstance(aiding, Aid) else list(aiding)
     samples = record_on(path) if record is None else record
+    for aid in aids:
+        time = np.asarray(aid.time)
+        if not np.any((time >= samples.start - 1e-9) & (time <= samples.end + 1e-9)):
+            raise InputError(
+                f"{aid.name}: no measurement lies on the path, which goes from t = "
+                f"{samples.start:.9g} to {samples.end:.9g} s"
+            )
     measured = measurements(aids, samples, gate=False)
     k = int(np.searchsorted(path.time, samples.start - 1e-9))
     nominal = Nominal(
         float(path.lat[k]), float(path.lon[k]), float(path.height[k]), path.known("quat_nb")[k],
         path.known("v_n")[k], {},
     )  # fmt: skip
-    flt = make_filter(nominal, spec, vibration, measured, aids)
+    # Nothing is fed back: the covariance is that of rows along the path itself.
+    flt = make_filter(nominal, instrument, vibration, measured, aids)
     flt.update(samples)
-    return flt
-
-
-def phi_covariance(flt: ErrorStateFilter) -> Array:
-    """Return the covariance of phi (3, 3) in East-North-Up, rad^2."""
-    turn = to_east_north_up(float(east_angle(flt.frame[None])[2][0]))
-    return np.asarray(turn @ flt.covariance[:3, :3] @ turn.T)
+    end, _ = filtered_end(flt)
+    sigma = np.sqrt(np.maximum(np.diag(end.covariance), 0.0))
+    parts = {name: sigma[end.layout[name]] for name in end.layout if "." in name}
+    return PathLimit(
+        samples.end - samples.start, end.covariance[:9, :9], sigma[end.layout["gyro_bias"]],
+        sigma[end.layout["accelerometer_bias"]], parts,
+    )  # fmt: skip
