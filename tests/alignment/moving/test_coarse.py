@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from schuler.alignment.moving.body import body_rows
-from schuler.alignment.moving.coarse import Sums, coarse, weights_igg3
+from schuler.alignment.moving.coarse import coarse
 from schuler.alignment.moving.earth_side import earth_fixed, from_earth, gravitation_integrals
 from schuler.alignment.moving.path_bound import limit_on
+from schuler.alignment.moving.rotation import Sums, weights_igg3
 from schuler.alignment.moving.series import (
     body_velocity_series,
     position_series,

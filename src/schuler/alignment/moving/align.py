@@ -295,17 +295,20 @@ def _result(
     where = Site(state.lat / DEG, (state.lon / DEG + 180.0) % 360.0 - 180.0, state.height)
     b, a = (state.layout[f"{name}_bias"] for name in ("gyro", "accelerometer"))
     pick = [*range(b.start, b.stop), *range(a.start, a.stop)]
-    return MovingAlignment(
+    fix = MovingAlignment(
         method=InMotion(rough.form, noise), site=where, start=record.start, end=record.end,
         samples=len(record), at=at, quat_nb=state.quat_nb, covariance=np.asarray(phi),
         budget=budget, bound=_bound(prepared, found, measured, at), warnings=tuple(warnings),
         spec=spec, orthonormality=None, gyro_bias=state.parameters["gyro_bias"],
         accel_bias=state.parameters["accelerometer_bias"],
         bias_covariance=state.covariance[np.ix_(pick, pick)], history=_history(record),
-        summary=summariser.summary(), contradictions=tuple(contradictions),
+        summary=summariser.summary(),
         inputs={"record": record.name}, state=state, coarse=rough, measured=tuple(measured),
         used=used, refused=refused, passes=found.passes, mean_square=square,
     )  # fmt: skip
+    contradicted = fix.contradicted(contradictions)
+    assert isinstance(contradicted, MovingAlignment)
+    return contradicted
 
 
 def _bound(

@@ -7,8 +7,7 @@ with the specification as their prior, explain what a rotation cannot: long wind
 White noise of the sensors makes random walks of x; what they do to the result follows from the
 step's gains.
 
-Source: Wu and Pan (2013), optimisation-based alignment in motion; Markley (1988), the SVD;
-Yang (2002), the weights IGG-III.
+Source: Wu and Pan (2013), optimisation-based alignment in motion.
 """
 
 from __future__ import annotations
@@ -19,31 +18,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.moving.earth_side import local_axes, spun
+from schuler.alignment.moving.rotation import LEAST_ROWS, Sums, robust_weights
 from schuler.alignment.moving.series import Series
 from schuler.attitude import quat_to_matrix, rotvec_to_quat
 from schuler.constants import DEG
 from schuler.errors import InputError
 from schuler.sensors import ImuSpec
 
-__all__ = ["CoarseAlignment", "Sums", "coarse", "weights_igg3"]
+__all__ = ["CoarseAlignment", "coarse", "missing"]
 
 Array = NDArray[np.float64]
 
 ENOUGH = 20.0 * DEG
 """1-sigma of the heading beyond which there is none."""
 
-_ROUNDS = 3
-_LOW, _HIGH = 1.5, 4.0
-"""IGG-III: full weight up to the first, none from the second on, in 1-sigma of one axis."""
-
-_USUAL = 1.538
-"""Median length of a vector of three unit normal numbers."""
-
-_LEAST_ROWS = 6
-"""Fewer measurements are no alignment ..."""
-
 _LEAST_WINDOW = 12
-"""... and fewer are no window of a longer span."""
+"""Fewer measurements are no window of a longer span."""
 
 _SHARES = (1.0, 0.75, 0.5, 0.35, 0.25)
 """Windows that are tried, as parts of the span."""
@@ -51,47 +41,11 @@ _SHARES = (1.0, 0.75, 0.5, 0.35, 0.25)
 _LARGEST_STEP = 0.2
 """Of the linear step, rad."""
 
+_MOST_STEPS, _SETTLED = 8, 0.03
+"""Steps, and the size of one, in 1-sigma, after which there is none more."""
+
 _DELAY = 0.3
 """1-sigma of a delay before anything is measured, s."""
-
-
-class Sums:
-    """Cumulative sums of two series: the rotation of any window of rows.
-
-    Parameters
-    ----------
-    series : Series
-    weights : (n,) float64
-    """
-
-    def __init__(self, series: Series, weights: Array) -> None:
-        n = len(series)
-        w = weights[:, None]
-        q = series.nuisance
-        # Each series beside its own first value keeps the digits of long spans.
-        self._q = q
-        columns = [
-            np.einsum("ia,ib->iab", w * series.y, series.x).reshape(n, -1),
-            np.einsum("ia,ib->iab", w * q, series.y).reshape(n, -1),
-            np.einsum("ia,ib->iab", w * q, series.x).reshape(n, -1),
-            np.einsum("ia,ib->iab", w * q, q).reshape(n, -1),
-        ]
-        self._cuts = np.cumsum([c.shape[1] for c in columns])[:-1]
-        self._table = np.concatenate(
-            [np.zeros((1, self._cuts[-1] + columns[-1].shape[1])),
-             np.cumsum(np.concatenate(columns, axis=1), axis=0)]
-        )  # fmt: skip
-
-    def rotation(self, first: int = 0, last: int | None = None) -> Array:
-        """Return the rotation (3, 3) from x to y of rows first to last (as a slice)."""
-        total = self._table[-1 if last is None else last] - self._table[first]
-        yx, qy, qx, qq = np.split(total, self._cuts)
-        k = self._q.shape[1]
-        b = yx.reshape(3, 3) - qy.reshape(k, 3).T @ np.linalg.solve(
-            qq.reshape(k, k), qx.reshape(k, 3)
-        )
-        u, _, vt = np.linalg.svd(b)
-        return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,12 +100,6 @@ class CoarseAlignment:
         return float(np.sqrt(self.covariance[2, 2]))
 
 
-def weights_igg3(u: Array) -> Array:
-    """Return the weights of normalised residuals by IGG-III (Yang, 2002)."""
-    middle = _LOW / np.maximum(u, 1e-12) * ((_HIGH - u) / (_HIGH - _LOW)) ** 2
-    return np.where(u <= _LOW, 1.0, np.where(u >= _HIGH, 0.0, middle))
-
-
 def coarse(
     series: Series, spec: ImuSpec, place: tuple[float, float], time: float, end: Array,
     turn: Array, *, estimate_delay: bool = False, choose: bool = True, noise: float = 1.0,
@@ -181,9 +129,9 @@ def coarse(
         If there are too few rows, or they show no heading; it says what is missing.
     """
     n = len(series)
-    if n < _LEAST_ROWS:
-        raise InputError(f"{n} measurements lie in the span: an alignment needs {_LEAST_ROWS}")
-    weights = _robust(series, noise)
+    if n < LEAST_ROWS:
+        raise InputError(f"{n} measurements lie in the span: an alignment needs {LEAST_ROWS}")
+    weights = robust_weights(series, noise)
     best: CoarseAlignment | None = None
     at_start = time < 0.5 * (series.rows.time[0] + series.rows.time[-1])
     for share in _SHARES if choose else _SHARES[:1]:
@@ -199,30 +147,6 @@ def coarse(
             break
     assert best is not None
     return best
-
-
-def _robust(series: Series, noise: float) -> Array:
-    """Return a weight for each row, from residuals of rotations that were weighted so."""
-    power = np.trace(series.noise, axis1=1, axis2=2) / 3.0
-    base = np.median(power) / power
-    weights = np.ones(len(series))
-    for _ in range(_ROUNDS):
-        mat = Sums(series, weights * base).rotation()
-        size = np.linalg.norm(_residual(series, mat, weights * base), axis=1) / np.sqrt(power)
-        size /= noise
-        usual = float(np.median(size[weights > 0.0])) / _USUAL
-        # What is within the stated noise is no outlier, however small the others are.
-        weights = weights_igg3(size / (max(usual, 1.0) * np.sqrt(3.0)))
-        if np.sum(weights > 0.0) < _LEAST_ROWS:
-            raise InputError("the measurements contradict one another: no six of them agree")
-    return weights
-
-
-def _residual(series: Series, mat: Array, weights: Array) -> Array:
-    left = series.y - series.x @ mat.T
-    root = np.sqrt(weights)[:, None]
-    fit, *_ = np.linalg.lstsq(root * series.nuisance, root * left, rcond=None)
-    return np.asarray(left - series.nuisance @ fit)
 
 
 class _Window:
@@ -252,7 +176,7 @@ class _Window:
             *([_DELAY] if self.delayed else []),
         ])  # fmt: skip
         b = slice(3, 3 + len(prior))
-        for _ in range(3):
+        for _ in range(_MOST_STEPS):
             # The prior is that of the whole bias, and not of what is left of it.
             x = s.x - s.by_gyro @ bias[:3] - s.by_accelerometer @ bias[3:] - late * s.slope
             h = self._rows(mat, x)
@@ -273,7 +197,14 @@ class _Window:
             mat = np.asarray(quat_to_matrix(rotvec_to_quat(phi)) @ mat)
             bias = bias + step[3:9]
             late += float(step[9]) if self.delayed else 0.0
-        return self._result(mat, bias, late, inverse, white, h, prior, place, time, end, turn)
+            far = float(np.max(np.abs(step[:9]) / np.sqrt(np.diag(inverse)[:9])))
+            if far < _SETTLED:
+                break
+        found = self._result(mat, bias, late, inverse, white, h, prior, place, time, end, turn)
+        if far > 10.0 * _SETTLED:
+            # What does not settle was linear about an attitude that is none.
+            found.budget["aiding"] = found.budget["aiding"] + np.eye(3) * np.pi**2 / 3.0
+        return found
 
     def _rows(self, mat: Array, x: Array) -> Array:
         """Return the rows (n, 3, m) of what a residual is by the unknowns."""

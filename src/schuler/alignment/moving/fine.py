@@ -35,7 +35,7 @@ _KNOWN = 2.0 * DEG
 _CHUNK = 5.0
 """How often that is looked at, s."""
 
-_MOST_PASSES = 5
+_MOST_PASSES = 8
 _STILL = 0.1
 """A start that moves by less than so many sigma stays where it is."""
 
