@@ -305,6 +305,8 @@ def _result(
         summary=summariser.summary(),
         inputs={"record": record.name}, state=state, coarse=rough, measured=tuple(measured),
         used=used, refused=refused, passes=found.passes, mean_square=square,
+        epochs=found.filter.history(),
+        innovations={aid.label: found.filter.innovations(aid.label) for aid in measured},
     )  # fmt: skip
     contradicted = fix.contradicted(contradictions)
     assert isinstance(contradicted, MovingAlignment)

@@ -14,7 +14,7 @@ from schuler.alignment.moving.fine import FineState
 from schuler.alignment.result import Alignment
 from schuler.constants import ARCMIN, DEG
 from schuler.errors import InputError
-from schuler.ins import BodyVelocity, Measurement
+from schuler.ins import BodyVelocity, EpochHistory, Measurement
 
 __all__ = ["InMotion", "MovingAlignment"]
 
@@ -75,6 +75,11 @@ class MovingAlignment(Alignment):
         Of the filter over the span.
     mean_square : float
         Squared normalised innovations, on average: 1 where noise is as it was said to be.
+    epochs : EpochHistory
+        What the last pass had after each measurement; n is the wander frame, East-North-Up at the
+        start.
+    innovations : dict of str to tuple
+        Times (k,), innovations and their sigma (k, 3), weights (k,) by aid.
     """
 
     state: FineState = field(kw_only=True, repr=False)
@@ -84,6 +89,8 @@ class MovingAlignment(Alignment):
     refused: dict[str, int] = field(kw_only=True)
     passes: int = field(kw_only=True)
     mean_square: float = field(kw_only=True)
+    epochs: EpochHistory = field(kw_only=True, repr=False)
+    innovations: dict[str, tuple[Array, Array, Array, Array]] = field(kw_only=True, repr=False)
 
     def _part(self, group: str) -> Array:
         place = self.state.layout[group]
@@ -170,11 +177,12 @@ class MovingAlignment(Alignment):
             f"{self.site.lon:.7f} deg, {self.site.height:.2f} m "
             f"(± {float(np.max(self.position_sigma)):.2g} m)",
         ]
-        more += [f"{name} {text}" for name, text in self._told()]
+        more += [f"{name} {text}" for name, text in self.estimate_rows()]
         first = next((k for k, line in enumerate(lines) if line.startswith("warning:")), len(lines))
         return "\n".join([*lines[:first], *more, *lines[first:]])
 
-    def _told(self) -> list[tuple[str, str]]:
+    def estimate_rows(self) -> list[tuple[str, str]]:
+        """Return names and values with 1-sigma of what was estimated of aids, in words."""
         out = []
         for kind, each in self.estimated.items():
             for aid, pair in each.items():
