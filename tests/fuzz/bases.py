@@ -12,6 +12,7 @@ import numpy as np
 
 from schuler import write
 from schuler.record import ImuRecord
+from tests.io import gnss_makers as gnss
 from tests.io.conftest import HEADER, make_rows, make_text
 from tests.io.makers import (
     novatel_ascii,
@@ -223,4 +224,17 @@ BASES: dict[str, tuple[str, Make, dict[str, Any], bool]] = {
     "sidecar": ("record", sidecar, {}, False),
     "reference": ("reference", put("a.csv", reference), {}, False),
     "truth": ("reference", truth, {}, True),
+    "gnss-nmea": ("gnss", put("a.txt", lambda: gnss.nmea(sigma=True)), {}, False),
+    "gnss-ubx": ("gnss", put("a.ubx", gnss.ubx), {}, False),
+    "gnss-novatel": ("gnss", put("a.gps", gnss.novatel_binary), {}, False),
+    "gnss-novatel-ascii": ("gnss", put("a.asc", gnss.novatel_ascii), {}, False),
+    "gnss-inspvax": ("gnss", put("a.gps", lambda: gnss.novatel_binary("INSPVAX")), {}, False),
+    "gnss-psins": ("gnss", gnss.psins, {}, False),
+    "gnss-ulog": ("gnss", put("a.ulg", gnss.ulog), {}, False),
+    "gnss-ros1": ("gnss", gnss.bag, {"velocity_topic": "/vel"}, False),
+    "gnss-mcap": ("gnss", lambda folder: gnss.bag(folder, "mcap"), {}, False),
+    "gnss-table": ("gnss", put("a.csv", gnss.csv), {}, False),
+    "gnss-gzip": ("gnss", put("a.gz", lambda: gzip.compress(gnss.csv())), {}, False),
+    "gnss-rtklib": ("gnss", put("a.pos", gnss.rtklib), {}, False),
+    "gnss-kf-gins": ("gnss", put("a.txt", gnss.kfgins), {}, False),
 }  # fmt: skip

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from schuler.io import readers
+from schuler.io.gnss import aid_reader, gnss_readers
 from tests.fuzz.bases import BASES, FOLDERS, asked
 from tests.fuzz.harness import Worker, judge, keep, mutate, scale
 
@@ -22,6 +23,8 @@ SHORT = 24
 def worker() -> Iterator[Worker]:
     pytest.importorskip("rosbags")
     pytest.importorskip("pyulog")
+    pytest.importorskip("pynmeagps")
+    pytest.importorskip("pyubx2")
     with Worker() as found:
         yield found
 
@@ -37,6 +40,17 @@ def test_every_reader_is_here(tmp_path: Path) -> None:
             head = path.read_bytes()[:65536]
             found.add(find_reader(path, head, options.get("format")).name)
     assert found == set(readers())
+
+
+def test_every_reader_of_fixes_is_here(tmp_path: Path) -> None:
+    found = set()
+    for name, (work, make, _, _) in BASES.items():
+        if work == "gnss" and name != "gnss-gzip":
+            (tmp_path / name).mkdir()
+            reader = aid_reader(make(tmp_path / name))
+            assert reader is not None
+            found.add(reader.name)
+    assert found == set(gnss_readers())
 
 
 @pytest.mark.parametrize("name", BASES)

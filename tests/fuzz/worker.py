@@ -55,6 +55,15 @@ def read_reference(path: str, options: dict[str, Any]) -> str:
     return digest(found.time, found.position, found.v_n, found.quat_nb)
 
 
+def read_fixes(path: str, options: dict[str, Any]) -> str:
+    from schuler.io import read_gnss
+
+    found = read_gnss(path, **options)
+    found.describe()
+    found.contradictions()
+    return digest(found.time, found.lat, found.lon, found.height, found.sigma, found.v_n)
+
+
 def read_store(path: str, options: dict[str, Any]) -> str:
     """Open a campaign's folder; name what of it is used."""
     from schuler.campaigns.store import Store
@@ -73,6 +82,7 @@ def _columns(table: Any) -> list[Any]:
 
 WORK: dict[str, Callable[[str, dict[str, Any]], str]] = {
     "record": read_record, "reference": read_reference, "store": read_store,
+    "gnss": read_fixes,
 }  # fmt: skip
 
 

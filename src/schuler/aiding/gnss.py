@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler.aiding.clock import CLOCKS
 from schuler.earth import radii
 from schuler.errors import InputError
 
@@ -22,7 +24,14 @@ LEAST_SIGMA = (0.005, 0.005)
 LARGEST_SIGMA = 1e4
 """A fix that is said to be worse than this (m) is none."""
 
+_MOVES = 1.0
+"""A vehicle that is faster than this (m/s) does not stand."""
+
+_METRES = (6.37e6, 6.37e6, 1.0)
+"""Of a radian of latitude and longitude at the equator, and of height."""
+
 PARTS = ("delay", "lever")
+ABOVE = ("unstated", "ellipsoid", "geoid")
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +67,16 @@ class GnssFixes:
     name : str
     dropped : mapping of str to int
         Rows that were left out, by reason.
+    clock : str
+        What the times count, of `schuler.aiding.clock.CLOCKS`; "unstated" where it is not known.
+    epoch : str
+        The week or day that they count from, in words, where it is known.
+    height_above : {"ellipsoid", "geoid", "unstated"}
+        What the heights are above.
+    notes : tuple of str
+        What else a reader found.
+    format : str
+        Of the file that they were read from.
 
     Raises
     ------
@@ -85,6 +104,11 @@ class GnssFixes:
     estimate: tuple[str, ...] = ()
     name: str = "gnss"
     dropped: Mapping[str, int] = field(default_factory=dict)
+    clock: str = "unstated"
+    epoch: str = ""
+    height_above: str = "unstated"
+    notes: tuple[str, ...] = ()
+    format: str = ""
 
     def __post_init__(self) -> None:
         time = np.asarray(self.time, np.float64)
@@ -107,6 +131,11 @@ class GnssFixes:
         unknown = set(self.estimate) - set(PARTS)
         if unknown:
             raise InputError(f"{self.name}: cannot estimate {min(unknown)}; say lever or delay")
+        if self.clock not in CLOCKS or self.height_above not in ABOVE:
+            raise InputError(
+                f"{self.name}: clock must be one of {', '.join(CLOCKS)} and height_above one of "
+                f"{', '.join(ABOVE)}, got {self.clock} and {self.height_above}"
+            )
         lever = np.asarray(self.lever, np.float64)
         if lever.shape != (3,) or not np.all(np.isfinite(lever)) or np.abs(lever).max() > 100.0:
             raise InputError(
@@ -117,6 +146,7 @@ class GnssFixes:
         dropped = dict(self.dropped)
         keep = _usable(columns, dropped)
         order = np.flatnonzero(keep)
+        late = int(np.sum(np.diff(time[order]) < 0.0))
         order = order[np.argsort(time[order], kind="stable")]
         first = np.diff(time[order], prepend=-np.inf) > 0.0
         _count(dropped, "a time that repeats", len(order) - int(np.sum(first)))
@@ -133,6 +163,9 @@ class GnssFixes:
             np.maximum(getattr(self, name), least, out=getattr(self, name))
         object.__setattr__(self, "lever", lever)
         object.__setattr__(self, "dropped", dropped)
+        if late:
+            said = f"{late} times go back: the rows were sorted"
+            object.__setattr__(self, "notes", (*self.notes, said))
 
     def __len__(self) -> int:
         return len(np.asarray(self.time))
@@ -175,32 +208,9 @@ class GnssFixes:
 
         A swapped pair, degrees read as radians, or a velocity down read as up shows there.
         """
-        if self.v_n is None or len(self) < 8:
-            return []
-        time, place, v = np.asarray(self.time), self.local(), np.asarray(self.v_n)
-        dt = np.diff(time)
-        near = dt < 3.0 * np.median(dt)
-        off = (np.diff(place, axis=0) / dt[:, None] - 0.5 * (v[1:] + v[:-1]))[near]
-        sigma = (np.asarray(self.sigma)[1:] / dt[:, None])[near] + np.asarray(self.v_sigma)[1:][
-            near
-        ]
-        moved = 0.5 * (v[1:] + v[:-1])[near]
-        found = []
-        for axis, name in enumerate(("east", "north", "up")):
-            spread = float(np.median(np.abs(off[:, axis])))
-            size = float(np.sqrt(np.mean(moved[:, axis] ** 2)))
-            noise = 3.0 * float(np.median(sigma[:, axis]))
-            if spread > noise and spread > 0.5 * float(np.median(np.abs(moved[:, axis]))):
-                reverse = float(np.median(np.abs(off[:, axis] + 2.0 * moved[:, axis])))
-                advice = (
-                    "its sign seems turned (down read as up?)" if reverse < 0.3 * spread
-                    else "are latitude and longitude, their units and the velocity's axes right?"
-                )  # fmt: skip
-                found.append(
-                    f"{self.name}: the positions change {name} by other than the velocity says "
-                    f"(median difference {spread:.3g} m/s, velocity {size:.3g} m/s rms): {advice}"
-                )
-        return found
+        from schuler.aiding.consistency import contradictions
+
+        return contradictions(self)
 
     def describe(self) -> dict[str, Any]:
         """Return rate, span, quality and gaps in plain values."""
@@ -213,6 +223,7 @@ class GnssFixes:
             "longest_gap_s": float(dt.max()),
             "sigma_m": [float(x) for x in np.median(np.asarray(self.sigma), axis=0)],
             "velocity": self.v_n is not None, "dropped": dict(self.dropped),
+            "clock": self.clock, "epoch": self.epoch, "height_above": self.height_above,
         }  # fmt: skip
         if self.quality is not None:
             values, counts = np.unique(np.asarray(self.quality), return_counts=True)
@@ -261,9 +272,25 @@ def _moving(
 ) -> NDArray[np.bool_]:
     """Return which of the rows are not a stale position of a receiver that lost its fixes."""
     same = np.zeros(len(order), bool)
-    if "v_n" in columns and len(order) > 2:
-        place = np.column_stack([columns[name][order] for name in ("lat", "lon", "height")])
+    if len(order) < 3:
+        return np.asarray(~same)
+    place = np.column_stack([columns[name][order] for name in ("lat", "lon", "height")])
+    repeats = np.zeros(len(order), bool)
+    repeats[1:] = np.all(place[1:] == place[:-1], axis=1)
+    if "v_n" in columns:
         speed = np.linalg.norm(columns["v_n"][order], axis=1)
-        same[1:] = np.all(place[1:] == place[:-1], axis=1) & (speed[1:] > 1.0)
-    _count(dropped, "a position that stands while the velocity does not", int(np.sum(same)))
-    return ~same
+        same = repeats & (speed > _MOVES)
+        _count(dropped, "a position that stands while the velocity does not", int(np.sum(same)))
+        return np.asarray(~same)
+    # Without a velocity, the jump after three alike says that the receiver moved meanwhile.
+    time = columns["time"][order]
+    first = np.flatnonzero(~repeats)
+    for begin, after in pairwise(first):
+        if after - begin < 3:
+            continue
+        step = (place[after] - place[begin]) * _METRES
+        step[1] *= np.cos(place[begin, 0])
+        if np.linalg.norm(step) > _MOVES * (time[after] - time[begin]):
+            same[begin + 2 : after] = True
+    _count(dropped, "a position that stands and then jumps", int(np.sum(same)))
+    return np.asarray(~same)

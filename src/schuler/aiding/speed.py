@@ -61,6 +61,11 @@ class BodySpeed:
             raise InputError(f"{self.name}: time does not advance after t = {time[k]:.9g} s")
         if not self.sigma > 0.0:
             raise InputError(f"{self.name}: sigma must be positive, got {self.sigma}")
+        lever = np.asarray(self.lever, np.float64)
+        if lever.shape != (3,) or not np.all(np.isfinite(lever)) or np.abs(lever).max() > 100.0:
+            raise InputError(
+                f"{self.name}: a lever arm has three numbers of at most 100 m, got {self.lever}"
+            )
         unknown = set(self.estimate) - set(PARTS)
         if unknown:
             raise InputError(f"{self.name}: cannot estimate {min(unknown)}")

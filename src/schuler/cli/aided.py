@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 __all__ = ["aiding_options", "navigate_with_aids", "taken"]
 
 _KEYS = (
-    "gnss", "gnss_sigma", "lever", "delay", "odometer", "dvl", "nhc", "zupt", "scale_states",
-    "estimate", "smooth", "outage", "vibration", "robust",
+    "gnss", "gnss_sigma", "gnss_height", "gnss_offset", "gnss_topic", "lever", "delay", "odometer",
+    "dvl", "nhc", "zupt", "scale_states", "estimate", "smooth", "outage", "vibration", "robust",
 )  # fmt: skip
 _ESTIMATES = ("delay", "lever", "mount", "scale")
 
@@ -30,11 +30,24 @@ def aiding_options(function: Any) -> Any:
     options = [
         click.option(
             "--gnss", type=InputFile(), metavar="FILE",
-            help="GNSS fixes: CSV, Parquet, RTKLIB .pos or KF-GINS text, on the record's clock.",
+            help="GNSS fixes: NMEA, u-blox, NovAtel, RTKLIB, KF-GINS, PSINS, ULog, ROS, CSV, "
+            "Parquet.",
         ),
         click.option(
             "--gnss-sigma", metavar="M,M/S",
             help="1-sigma of position and velocity, where the file has none (3,0.1).",
+        ),
+        click.option(
+            "--gnss-height", type=click.Choice(["ellipsoid", "geoid"]),
+            help="What the heights are above, where the file does not say it.",
+        ),
+        click.option(
+            "--gnss-offset", type=Number(unit="s"), metavar="S",
+            help="Added to the fixes' times, to bring them to the record's clock.",
+        ),
+        click.option(
+            "--gnss-topic", metavar="NAME[,NAME]",
+            help="Topics of the fixes and of their velocity, a log's message, or a .mat's array.",
         ),
         click.option("--lever", metavar="X,Y,Z", help="From IMU to antenna, m (body axes)."),
         click.option(
@@ -135,9 +148,12 @@ def navigate_with_aids(
     if "mount" in wanted and not (rolling or aids["nhc"]):
         raise InputError("--estimate mount needs --nhc, --odometer or --dvl, which show it")
     sigma, v_sigma = _sigmas(aids["gnss_sigma"])
+    topic, _, velocity_topic = (aids["gnss_topic"] or "").partition(",")
     gnss = read_gnss(
         aids["gnss"], lever=_triple(aids["lever"], "--lever"), delay=aids["delay"] or 0.0,
         estimate=tuple(sorted(wanted & {"delay", "lever"})), sigma=sigma, v_sigma=v_sigma,
+        height=aids["gnss_height"], offset=aids["gnss_offset"] or 0.0,
+        topic=topic or None, velocity_topic=velocity_topic or None, variable=topic or None,
     )  # fmt: skip
     speeds = [
         read_speed(aids[key], estimate=tuple(sorted(wanted & {"mount", "scale"})), name=key)

@@ -17,6 +17,7 @@ from schuler.cli.common import (
     site_options,
     site_or_none,
 )
+from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.io import Source
@@ -24,19 +25,42 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
+_OF_A_RECORD = (
+    "columns", "gyro", "accel", "axes", "rate", "array", "format", "imu_type", "mapping",
+    "save_mapping", "start", "stop", "lat", "accel_file", "accel_topic", "variables",
+)  # fmt: skip
+"""Options that say what only a record of an IMU has."""
+
 
 @click.command("info", cls=Command)
 @file_options
 @site_options
+@click.option(
+    "--kind",
+    type=click.Choice(["record", "fixes", "speeds"]),
+    help="What FILE holds; else its content decides.",
+)
 @json_option("Write the summary as JSON (- : here).")
 def command(**options: Any) -> None:
     """Summarise FILE: rate, jitter, gravity, Earth rate, noise, quiet and disturbed stretches.
 
-    Units and axes that look wrong are said, with what would fit.
+    Units and axes that look wrong are said, with what would fit. Of GNSS fixes it says rate, gaps,
+    quality, what heights are above, and how positions agree with velocities.
     """
+    from schuler.io import aid_kind
     from schuler.record import Summariser
 
-    json_to = options.pop("json_to")
+    json_to, kind = options.pop("json_to"), options.pop("kind")
+    if kind is None and not any(options[key] for key in _OF_A_RECORD):
+        kind = aid_kind(options["file"])
+    if kind not in (None, "record"):
+        from schuler.cli.info_aid import aid_info
+
+        given = [key for key in _OF_A_RECORD if options[key]]
+        if given:
+            raise InputError(f"--{given[0].replace('_', '-')} is for a record of an IMU")
+        aid_info(options["file"], kind, options["topic"], json_to)
+        return
     start, stop = options.pop("start"), options.pop("stop")
     source, finish = open_file(options)
     site = site_or_none(options, source)

@@ -13,6 +13,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from schuler.io.aid_kind import AID_KINDS, aid_kind
 from schuler.io.aiding import read_gnss, read_speed
 from schuler.io.content import Content, Reader
 from schuler.io.frames import from_pandas, from_pyins, from_xarray, to_pyins
@@ -26,10 +27,12 @@ from schuler.io.write import write
 from schuler.record import ImuRecord
 
 __all__ = [
+    "AID_KINDS",
     "Content",
     "Mapping",
     "Reader",
     "Source",
+    "aid_kind",
     "array_increments",
     "from_pandas",
     "from_pyins",

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import re
 import struct
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +25,7 @@ from schuler.constants import ARCSEC, DEG, STANDARD_GRAVITY
 from schuler.errors import InputError
 from schuler.io.content import Array, Block, Content
 from schuler.io.mapping import Mapping
+from schuler.io.novatel_frames import SYNC, crc, frame_at, sound
 
 __all__ = ["IMU_TYPES", "ImuType", "NovatelReader"]
 
@@ -90,12 +90,6 @@ _PLAIN = np.dtype([("week", "<u4"), ("seconds", "<f8"), ("status", "<u4"), *_TAI
 _EXTENDED = np.dtype(
     [("info", "u1"), ("type", "u1"), ("week", "<u2"), ("seconds", "<f8"), ("status", "<u4"), *_TAIL]
 )
-_SYNC = b"\xaa\x44"
-_LONG, _SHORT = 0x12, 0x13
-_LONG_HEADER, _SHORT_HEADER = 28, 12
-#: after the sync bytes: length of the header, number, type and port, length; or length, number
-_LONG_FIELDS = struct.Struct("<BHxxH").unpack_from
-_SHORT_FIELDS = struct.Struct("<BH").unpack_from
 _PLAIN_PACK = struct.Struct("<IdI6i").pack
 _EXTENDED_PACK = struct.Struct("<BBHdI6i").pack
 _ASCII = re.compile(rb"[#%](RAWIMUS?X?)A,([^*#%\r\n]*)\*([0-9a-fA-F]{8})")
@@ -115,15 +109,15 @@ class NovatelReader:
 
     def sniff(self, head: bytes) -> bool:
         """Say whether a whole NovAtel message is there, its checksum right."""
-        if any(_crc(m[1]) == int(m[2], 16) for m in _ANY_ASCII.finditer(head)):
+        if any(crc(m[1]) == int(m[2], 16) for m in _ANY_ASCII.finditer(head)):
             return True
         at = -1
         for _ in range(_SYNC_TRIES):
-            at = head.find(_SYNC, at + 1)
+            at = head.find(SYNC, at + 1)
             if at < 0:
                 return False
-            size = _frame(head, at)[0]
-            if 0 < size <= len(head) - at and _sound(head[at : at + size]):
+            size = frame_at(head, at)[0]
+            if 0 < size <= len(head) - at and sound(head[at : at + size]):
                 return True
         return False
 
@@ -282,15 +276,15 @@ class _Log:
         """Return messages, the end of the last whole one, and where an unfinished one begins."""
         found: list[tuple[int, str, bytes]] = []
         at = end = 0
-        while (at := data.find(_SYNC, at)) >= 0:
-            size, number, begin = _frame(data, at)
+        while (at := data.find(SYNC, at)) >= 0:
+            size, number, begin = frame_at(data, at)
             kind = _IDS.get(number)
             if size > len(data) - at or size < 0:
                 if not last:
                     return found, end, at
                 self.cut += kind in wanted
                 at += 1
-            elif size and _sound(data[at : at + size]):
+            elif size and sound(data[at : at + size]):
                 if kind in wanted:
                     body = data[at + begin : at + size - 4]
                     if len(body) != _layout(str(kind)).itemsize:
@@ -325,7 +319,7 @@ class _Log:
             if kind not in wanted:
                 continue
             body = None
-            if _crc(data[match.start() + 1 : match.end() - 9]) == int(match[3], 16):
+            if crc(data[match.start() + 1 : match.end() - 9]) == int(match[3], 16):
                 body = _packed(kind, match[2])
             if body is None:
                 self.damaged += 1
@@ -342,20 +336,6 @@ _COLUMNS = ("gx", "minus_gy", "gz", "ax", "minus_ay", "az")
 
 def _layout(kind: str) -> np.dtype[Any]:
     return _EXTENDED if kind.endswith("X") else _PLAIN
-
-
-def _frame(data: bytes, at: int) -> tuple[int, int, int]:
-    """Return a message's size (0: none begins here; -1: unfinished), number, and body's place."""
-    if len(data) - at < _SHORT_HEADER:
-        return -1, 0, 0
-    mark = data[at + 2]
-    if mark == _SHORT:
-        length, number = _SHORT_FIELDS(data, at + 3)
-        return _SHORT_HEADER + length + 4, number, _SHORT_HEADER
-    if mark == _LONG:
-        header, number, length = _LONG_FIELDS(data, at + 3)
-        return (header + length + 4 if header >= _LONG_HEADER else 0), number, header
-    return 0, 0, 0
 
 
 def _packed(kind: str, text: bytes) -> bytes | None:
@@ -378,12 +358,3 @@ def _packed(kind: str, text: bytes) -> bytes | None:
 def _number(cell: bytes) -> int:
     name = cell.decode("ascii")
     return IMU_TYPES[name].number if name in IMU_TYPES else int(name)
-
-
-def _crc(data: bytes) -> int:
-    """Return NovAtel's CRC-32: zlib's polynomial, neither begun nor ended with ones."""
-    return zlib.crc32(data, 0xFFFFFFFF) ^ 0xFFFFFFFF
-
-
-def _sound(frame: bytes) -> bool:
-    return _crc(frame[:-4]) == int.from_bytes(frame[-4:], "little")

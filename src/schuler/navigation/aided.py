@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.aiding import BodySpeed, GnssFixes, Rests, find_rest
+from schuler.aiding import BodySpeed, GnssFixes, Rests, find_rest, no_overlap
 from schuler.constants import DEG, DEG_PER_HOUR
 from schuler.earth import Site
-from schuler.errors import InputError
 from schuler.ins import (
     BodyVelocity,
     CustomMeasurement,
@@ -38,6 +37,7 @@ from schuler.ins import (
     instrument_noise,
     instrument_prior,
 )
+from schuler.navigation.aid_checks import check_speed, inside
 from schuler.navigation.aided_result import OUTPUT, WITHHELD, AidedNavigation, finished
 from schuler.navigation.motion_start import motion_start
 from schuler.navigation.navigator import Start
@@ -212,20 +212,8 @@ def _common(record: ImuRecord, gnss: GnssFixes) -> tuple[ImuRecord, GnssFixes]:
     time = np.asarray(gnss.time)
     inside = (time > record.start) & (time <= record.end)
     if inside.sum() < 4:
-        off = float(time[0]) - record.start
-        likely = ""
-        for seconds, what in (
-            (86400.0, "seconds of the day beside those of the week"),
-            (604800.0, "weeks of GPS time"), (3600.0, "a time zone"), (18.0, "leap seconds"),
-        ):  # fmt: skip
-            turns = round(off / seconds)
-            if turns and abs(off - turns * seconds) < 0.2 * record.duration + 30.0:
-                likely = f"; the difference is near {turns} x {seconds:g} s: {what}?"
-                break
-        raise InputError(
-            f"{gnss.name}: fixes from t = {time[0]:.9g} to {time[-1]:.9g} s and a record from "
-            f"{record.start:.9g} to {record.end:.9g} s share fewer than four fixes{likely}"
-        )
+        span = float(time[0]), float(time[-1])
+        raise no_overlap(gnss.name, gnss.clock, span, (record.start, record.end))
     return record, gnss.rows(inside)
 
 
@@ -320,13 +308,12 @@ def _measurements(
         )  # fmt: skip
     for speed in speeds:
         value, sigma = speed.triples()
-        inside = (np.asarray(speed.time) > record.start) & (np.asarray(speed.time) <= record.end)
-        if not np.any(inside):
-            raise InputError(f"{speed.name}: no speed lies within the record")
+        within = inside(speed.name, np.asarray(speed.time), record)
+        check_speed(speed, used)
         mount = "xyz" if np.asarray(speed.value).ndim == 2 else "xz"
         out.append(
             BodyVelocity(
-                np.asarray(speed.time)[inside], value[inside], sigma[inside], name=speed.name,
+                np.asarray(speed.time)[within], value[within], sigma[within], name=speed.name,
                 lever=speed.lever, estimate=speed.estimate, mount_axes=mount, handling=handling,
             )
         )  # fmt: skip
