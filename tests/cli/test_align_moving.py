@@ -112,7 +112,7 @@ def test_a_moving_record_without_aids_says_what_it_needs(run: Run, files: dict[s
         (("--dvl", "D", *PLACE, "--delay", "0.1"), "--delay is for --gnss"),
         (("--dvl", "D"), "give the site"),
         (("--gnss", "G", "--lever", "1,2"), "--lever: expected three numbers"),
-        (("--gnss", "G", "--to", "3s"), "share 4, and an alignment needs six"),
+        (("--gnss", "G", "--to", "3s"), "4 measurements lie between"),
         (("--gnss", "I"), "latitude"),
     ],
 )

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.aiding import BodySpeed, GnssFixes, Rests, find_rest, no_overlap
+from schuler.aiding.checks import check_speed, inside
 from schuler.constants import DEG, DEG_PER_HOUR
 from schuler.earth import Site
 from schuler.ins import (
@@ -37,7 +38,6 @@ from schuler.ins import (
     instrument_noise,
     instrument_prior,
 )
-from schuler.navigation.aid_checks import check_speed, inside
 from schuler.navigation.aided_result import OUTPUT, WITHHELD, AidedNavigation, finished
 from schuler.navigation.motion_start import motion_start
 from schuler.navigation.navigator import Start

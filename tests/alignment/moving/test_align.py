@@ -225,7 +225,7 @@ def test_a_span_without_acceleration_says_what_is_missing():
 def test_bad_input_is_one_sentence():
     _, record, gnss = drive()
     shifted = replace(gnss, time=np.asarray(gnss.time) + 86400.0)
-    with pytest.raises(InputError, match="1 x 86400 s: seconds of the day"):
+    with pytest.raises(InputError, match="near 1 x 86400 s"):
         sc.align(record, aiding=shifted, spec=GRADE)
     with pytest.raises(InputError, match="ends after its begin"):
         sc.align(record, aiding=gnss, span=(40.0, 20.0))
@@ -243,6 +243,14 @@ def test_bad_input_is_one_sentence():
         sc.align(record, aiding=[])
     with pytest.raises(InputError, match="start or end"):
         sc.align(record, aiding=gnss, at="middle")
+
+
+def test_an_odometer_in_kilometres_an_hour_is_named():
+    made, record, gnss = drive(3)
+    dvl = body_speed(made)
+    fast = replace(dvl, value=3.6 * np.asarray(dvl.value)[:, 1], name="odometer")
+    with pytest.raises(InputError, match="in km/h"):
+        sc.align(record, aiding=[gnss, fast], spec=GRADE)
 
 
 def test_axes_of_a_left_handed_frame_contradict():

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.aiding import BodySpeed, GnssFixes
+from schuler.aiding.checks import check_speed
 from schuler.alignment.history import History
 from schuler.alignment.moving.body import body_rows
 from schuler.alignment.moving.coarse import ENOUGH, CoarseAlignment, coarse, missing
@@ -114,6 +115,9 @@ def align_moving(
     whole = cut_span(record, span)
     leader = next((aid for aid in aids if isinstance(aid, GnssFixes)), aids[0])
     part = common_span(whole, leader)
+    for aid in aids:
+        if isinstance(aid, BodySpeed) and isinstance(leader, GnssFixes):
+            check_speed(aid, leader)
     bias, used_spec = bias_at_rest(record, part, leader, instrument)
     prepared = _Prepared(part, leader, aids, used_spec, bias, place_at_start(leader, part, site))
     first, rough = prepared.coarse()

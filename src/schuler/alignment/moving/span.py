@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.aiding import BodySpeed, GnssFixes, find_rest
-from schuler.aiding.overlap import likely_offset
+from schuler.aiding import BodySpeed, GnssFixes, find_rest, no_overlap
+from schuler.alignment.moving.rotation import LEAST_ROWS
 from schuler.alignment.moving.setup import Aid
 from schuler.constants import DEG, DEG_PER_HOUR
 from schuler.earth import Site
@@ -45,12 +45,14 @@ def common_span(record: ImuRecord, leader: Aid) -> ImuRecord:
     """Return the samples from the first measurement on."""
     time = np.asarray(leader.time) - getattr(leader, "delay", 0.0)
     inside = (time >= record.start - 1e-9) & (time <= record.end + 1e-9)
-    if inside.sum() < 6:
-        hint = likely_offset(float(time[0]), record.start, record.duration)
+    if not np.any(inside):
+        clock = leader.clock if isinstance(leader, GnssFixes) else "unstated"
+        span = float(time[0]), float(time[-1])
+        raise no_overlap(leader.name, clock, span, (record.start, record.end))
+    if inside.sum() < LEAST_ROWS:
         raise InputError(
-            f"{leader.name}: measurements from t = {time[0]:.9g} to {time[-1]:.9g} s and samples "
-            f"from {record.start:.9g} to {record.end:.9g} s share {int(inside.sum())}, and an "
-            f"alignment needs six{hint}"
+            f"{leader.name}: {int(inside.sum())} measurements lie between t = {record.start:.9g} "
+            f"and {record.end:.9g} s, and an alignment needs {LEAST_ROWS}: take a longer span"
         )
     # The sample in which the first measurement lies is the first one.
     k = int(np.searchsorted(record.time, float(time[inside][0]) + 1e-9))
