@@ -57,6 +57,8 @@ validate: $(VENV)/.with-dev
 	$(BIN)/python -m tests.alignment.good_and_faulty
 	$(BIN)/python -m tests.prefilter.velocity_table
 	$(BIN)/python -m tests.alignment.moving.figures_table
+	SCHULER_LONG=1 $(BIN)/python -m pytest -n 2 --dist worksteal tests/campaigns tests/centrifuge \
+	  tests/alignment/stationary tests/fuzz/test_fuzz_interrupts.py $(PYTEST_ARGS)
 
 demo: $(VENV)/.with-report
 	$(BIN)/schuler demo --out out/

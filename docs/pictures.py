@@ -7,6 +7,7 @@ middle tones that a white page and a dark one both show.
 from __future__ import annotations
 
 import io
+import itertools
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -229,9 +230,15 @@ def budget() -> Any:
     record = simulate(truck, site, 900.0, 50.0, spec, rng).record
     spans = (100.0, 300.0, 900.0)
     fixes = [sc.align(record.between(0.0, t), site, spec=spec) for t in spans]
+    # Only what would be seen: the others add up to less than one part in a thousand.
+    shares = [
+        max(fix.budget_arcmin2[source] / sum(fix.budget_arcmin2.values()) for fix in fixes)
+        for source in fixes[0].budget
+    ]
+    shown = [name for name, share in zip(fixes[0].budget, shares, strict=True) if share > 1e-3]
     colors = (BLUE, PINK, GREEN, GREY, ORANGE)
     left = np.zeros(len(spans))
-    for source, color in zip(fixes[0].budget, colors, strict=True):
+    for source, color in zip(shown, itertools.cycle(colors), strict=False):
         part = np.array([fix.budget_arcmin2[source] for fix in fixes])
         part /= [sum(fix.budget_arcmin2.values()) for fix in fixes]
         ax.barh(range(len(spans)), 100 * part, left=left, color=color, height=0.55,

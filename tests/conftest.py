@@ -24,6 +24,18 @@ settings.register_profile("schuler", derandomize=True, deadline=None, max_exampl
 settings.load_profile("schuler")
 
 
+LONG = os.environ.get("SCHULER_LONG") == "1"
+"""Whether `make validate` runs: more cases and more runs of what quick tests hold too."""
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what is marked long, where it was not asked for."""
+    if LONG:
+        return
+    config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("long")])
+    items[:] = [item for item in items if not item.get_closest_marker("long")]
+
+
 NORMAL_GRAVITY = {"gravity_sigma": 0.0, "deflection_sigma": 0.0}
 """Of a `Site` in the simulator, whose gravity is exactly that of the formula."""
 

@@ -54,7 +54,14 @@ def wait_for(condition, seconds=90.0):
         time.sleep(0.005)
 
 
-@pytest.mark.parametrize("workers", [(), ("--workers", "1"), ("--workers", "2")], ids=str)
+@pytest.mark.parametrize(
+    "workers",
+    [
+        pytest.param((), marks=pytest.mark.long), ("--workers", "2"),
+        pytest.param(("--workers", "1"), marks=pytest.mark.long),
+    ],
+    ids=str,
+)  # fmt: skip
 def test_any_number_of_workers_gives_the_same_bytes(scene_file, undisturbed, tmp_path, workers):
     finish(start(scene_file, tmp_path / "out", *RUNS, *workers))
     assert digest(tmp_path / "out" / "results.parquet") == undisturbed
@@ -81,7 +88,9 @@ def test_a_cluster_takes_no_port_that_another_program_may_hold():
             assert cluster.scheduler.http_server.port != 8787
 
 
-@pytest.mark.parametrize("workers", [("--workers", "0"), ()], ids=str)
+@pytest.mark.parametrize(
+    "workers", [("--workers", "0"), pytest.param((), marks=pytest.mark.long)], ids=str
+)
 def test_a_driver_killed_three_times_goes_on(scene_file, undisturbed, tmp_path, workers):
     out = tmp_path / "out"
     # Long enough that a kill comes in between: 48 runs in three chunks, one part after the other.

@@ -10,6 +10,7 @@ import jsonschema
 import numpy as np
 import pytest
 
+from schuler.attitude import quat_to_matrix
 from schuler.constants import DEG
 from schuler.io import write
 from tests.navigation.test_aided import drive
@@ -80,3 +81,63 @@ def test_wrong_options(
     assert ran.code == 2
     assert words in ran.err
     assert "Traceback" not in ran.err
+
+
+def test_all_aids_together(run: Run, files: tuple[Path, Path], root: Path) -> None:
+    """A barometer on a clock of its own, headings of a baseline to the right, a Doppler log."""
+    folder = files[0].parent
+    made, _ = drive(7, late=0.1)
+    truth = made.truth
+    rows = np.arange(200, len(truth.time) - 100, 50)
+    t, rng = truth.time[rows], np.random.default_rng(5)
+    rotation = quat_to_matrix(truth.quat_nb[rows])
+    body = np.einsum("iba,ib->ia", rotation, truth.v_n[rows])
+    body = 1.01 * body + 0.02 * rng.standard_normal(body.shape)
+    pressure = 101325.0 * (1.0 - 0.0065 / 288.15 * (truth.height[rows] + 12.0)) ** 5.25588
+    right = np.degrees(np.arctan2(rotation[:, 0, 0], rotation[:, 1, 0]))
+    tables = {
+        "baro.csv": ("time,pressure [hPa]", np.column_stack([t + 18.0, 0.01 * pressure])),
+        "heading.csv": ("time,heading [deg],sd [deg]", np.column_stack([t, right, 0 * t + 0.2])),
+        "dvl.csv": ("time,vx,vy,vz,valid",
+                    np.column_stack([t, body[:, [1, 0]], -body[:, 2], (t % 7 > 1)])),
+    }  # fmt: skip
+    for name, (head, table) in tables.items():
+        np.savetxt(folder / name, table, "%.10g", ",", header=head, comments="")
+    ran = run(
+        "navigate", files[0], "--gnss", files[1], "--height-file", folder / "baro.csv",
+        "--time-offset", "height=-18", "--height-offset", "30,86400", "--heading-file",
+        folder / "heading.csv", "--baseline", "1,0,0", "--dvl", folder / "dvl.csv",
+        "--dvl-frame", "FRD", "--estimate", "scale,mount", "--spec", "tactical-fog",
+        "--vibration", "0.001", "--json", "-",
+    )  # fmt: skip
+    assert ran.code == 0, ran.err
+    data = json.loads(ran.out)
+    schema = json.loads((root / "docs" / "navigation.schema.json").read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator(schema).validate(data)
+    assert set(data["used"]) >= {"gnss", "height", "heading", "dvl"}
+    assert data["estimated"]["offset_m"]["height"][0] == pytest.approx(12.0, abs=1.0)
+    assert data["estimated"]["doppler_scale"]["dvl"][0] == pytest.approx(0.01, abs=0.002)
+    assert data["consistent"]
+    assert any("rows of dvl were left out: " in text for text in data["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (("--time-offset", "gnss=x"), "expected one of gnss, odometer"),
+        (("--time-offset", "clock=1"), "expected one of gnss, odometer"),
+        (("--time-offset", "dvl=1"), "no such aid is given"),
+        (("--aid-topic", "dvl=/odom"), "which is given"),
+        (("--dvl-frame", "FRD"), "--dvl-frame goes with --dvl"),
+        (("--height-offset", "1,2"), "--height-offset goes with --height-file"),
+        (("--baseline", "1,0,0"), "--baseline goes with --heading-file"),
+        (("--height-file", "absent.csv"), "absent.csv: there is no such file"),
+        (("--time-offset", "gnss=100000"), "an offset of the aid's times"),
+    ],
+)
+def test_wrong_options_of_other_aids(
+    run: Run, files: tuple[Path, Path], more: tuple[str, ...], words: str
+) -> None:
+    ran = run("navigate", files[0], "--gnss", files[1], *more)
+    assert ran.code == 2
+    assert words in ran.err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -44,6 +45,10 @@ def test_fixes_in_text(run: Run, tmp_path: Path) -> None:
 def test_json_fits_its_schema(run: Run, tmp_path: Path, schema: dict[str, object]) -> None:
     files = {"a.ubx": make.ubx(), "a.gps": make.novatel_binary(), "a.csv": make.csv(),
              "a.pos": make.rtklib(), "s.csv": b"time,speed [km/h]\n0,36\n1,72\n2,0\n"}  # fmt: skip
+    kinds = {"s.csv": "speeds", "h.csv": "heights", "c.csv": "headings", "d.csv": "body-velocities"}
+    files["h.csv"] = b"time,pressure [hPa]\n0,1013.25\n1,1012\n"
+    files["c.csv"] = b"time,heading\n0,359\n1,1\n2,\n"
+    files["d.csv"] = b"time,vx,vy,vz,valid\n0,0,2,0,1\n1,0,2,0,1\n2,0,0,0,0\n"
     validator = jsonschema.Draft202012Validator(schema)
     for name, content in files.items():
         (tmp_path / name).write_bytes(content)
@@ -51,7 +56,12 @@ def test_json_fits_its_schema(run: Run, tmp_path: Path, schema: dict[str, object
         assert ran.code == 0, ran.err
         data = json.loads(ran.out)
         validator.validate(data)
-        assert data["kind"] == ("speeds" if name == "s.csv" else "fixes")
+        assert data["kind"] == kinds.get(name, "fixes")
+        assert run("info", tmp_path / name).out.startswith("      file")
+        if name == "c.csv":
+            assert data["largest_step_deg"] == pytest.approx(2.0)
+        if name in ("c.csv", "d.csv"):
+            assert sum(data["dropped"].values()) == 1
     with pytest.raises(jsonschema.ValidationError):
         validator.validate({**data, "rows": "many"})
 
@@ -90,6 +100,16 @@ def test_records_are_records(run: Run, tmp_path: Path) -> None:
         assert aid_kind(tmp_path / name) is None, name
     assert aid_kind(write_bag(tmp_path / "a.bag", {"/imu": rows}, "ros1")) is None
     assert aid_kind(tmp_path / "absent") is None
+    from tests.io.makers import ulog_file, vehicle_imu
+
+    (tmp_path / "a.ulg").write_bytes(ulog_file([("vehicle_imu", 0, vehicle_imu(rows))]))
+    assert aid_kind(tmp_path / "a.ulg") is None
+    (tmp_path / "a.csv.gz").write_bytes(gzip.compress(made["a.csv"]))
+    (tmp_path / "cut.gz").write_bytes(gzip.compress(made["a.csv"])[:40])
+    assert aid_kind(tmp_path / "a.csv.gz") is None
+    assert aid_kind(tmp_path / "cut.gz") is None
+    (tmp_path / "g.csv.gz").write_bytes(gzip.compress(make.csv()))
+    assert aid_kind(tmp_path / "g.csv.gz") == "fixes"
     # A log with both is a record, and fixes where that is asked for.
     ran = run("info", tmp_path / "n.gps", "--kind", "fixes")
     assert ran.code == 0, ran.err

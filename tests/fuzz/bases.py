@@ -236,5 +236,13 @@ BASES: dict[str, tuple[str, Make, dict[str, Any], bool]] = {
     "gnss-table": ("gnss", put("a.csv", gnss.csv), {}, False),
     "gnss-gzip": ("gnss", put("a.gz", lambda: gzip.compress(gnss.csv())), {}, False),
     "gnss-rtklib": ("gnss", put("a.pos", gnss.rtklib), {}, False),
+    "aid-heading": ("aid", put("a.txt", gnss.nmea), {"read": "read_heading"}, False),
+    "aid-height": ("aid", put("a.csv", lambda: "time,pressure [hPa],sd\n" + "".join(
+        f"{k},{1013.25 + 0.1 * k},0.5\n" for k in range(60))), {"read": "read_height"}, False),
+    "aid-dvl": ("aid", put("a.csv", lambda: "time,vx,vy,vz,valid\n" + "".join(
+        f"{k},0.1,{2.0 + 0.01 * k},0,1\n" for k in range(60))), {"read": "read_dvl"}, False),
+    "aid-speed": ("aid", put("a.csv", lambda: "time,speed [km/h]\n" + "".join(
+        f"{k},{30 + k}\n" for k in range(60))), {"read": "read_speed"}, False),
+    "aid-odometry": ("aid", gnss.bag, {"read": "read_dvl", "topic": "/odom"}, False),
     "gnss-kf-gins": ("gnss", put("a.txt", gnss.kfgins), {}, False),
 }  # fmt: skip

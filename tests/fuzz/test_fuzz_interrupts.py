@@ -14,6 +14,8 @@ import time
 import numpy as np
 import pytest
 
+from tests.conftest import LONG
+
 resource = pytest.importorskip("resource")
 
 SCALE = float(os.environ.get("SCHULER_FUZZ_SCALE", "1"))
@@ -90,7 +92,7 @@ def contents(folder, names):
 
 @pytest.mark.slow
 @pytest.mark.compiled
-@pytest.mark.parametrize("name", COMMANDS if SCALE > 1 else ["align", "campaign"])
+@pytest.mark.parametrize("name", COMMANDS if SCALE > 1 or LONG else ["align"])
 def test_a_killed_command_leaves_the_old_file_or_the_new_one(name, bench):
     words, outputs = COMMANDS[name]
     start(words, bench).communicate(timeout=120)

@@ -64,6 +64,13 @@ def read_fixes(path: str, options: dict[str, Any]) -> str:
     return digest(found.time, found.lat, found.lon, found.height, found.sigma, found.v_n)
 
 
+def read_aid(path: str, options: dict[str, Any]) -> str:
+    import schuler.io
+
+    found = getattr(schuler.io, options.pop("read"))(path, **options)
+    return digest(found.time, found.sigma)
+
+
 def read_store(path: str, options: dict[str, Any]) -> str:
     """Open a campaign's folder; name what of it is used."""
     from schuler.campaigns.store import Store
@@ -82,7 +89,7 @@ def _columns(table: Any) -> list[Any]:
 
 WORK: dict[str, Callable[[str, dict[str, Any]], str]] = {
     "record": read_record, "reference": read_reference, "store": read_store,
-    "gnss": read_fixes,
+    "gnss": read_fixes, "aid": read_aid,
 }  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import struct
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -151,7 +152,39 @@ def test_known_sentences() -> None:
     assert one["course"] / DEG == pytest.approx(84.4)
 
 
-def test_a_day_and_a_week_go_on(tmp_path: Path) -> None:
+def test_a_message_of_u_blox_byte_by_byte(tmp_path: Path) -> None:
+    """NAV-PVT put together by the interface description, without the library that decodes it."""
+    frames = b""
+    for k in range(3):
+        body = struct.pack(
+            "<IHBBBBBBIiBBBBiiiiIIiiiiiIIHHIihH",
+            302_400_250 + 250 * k, 2025, 11, 5, 12, 0, 0, 0b111, 20, -250, 3, 0b0100_0011, 0, 17,
+            -1_224_723_050, 377_209_977 + k, 12_345, 43_210, 810, 1_250, -7_100, 3_300 + k, 40,
+            7_829, 0, 210, 0, 120, 0, 0, 0, 0, 0,
+        )  # fmt: skip
+        assert len(body) == 92
+        content = b"\x01\x07" + struct.pack("<H", 92) + body
+        a = b = 0
+        for byte in content:
+            a = (a + byte) % 256
+            b = (a + b) % 256
+        frames += b"$junk\xb5\x62" + content + bytes([a, b])
+    path = tmp_path / "a.ubx"
+    path.write_bytes(frames)
+    found = read_gnss(path)
+    assert found.time == pytest.approx([302_400.25, 302_400.5, 302_400.75])
+    assert found.lat[1] / DEG == pytest.approx(37.7209978, abs=1e-9)
+    assert found.lon[0] / DEG == pytest.approx(-122.472305, abs=1e-9)
+    assert found.height[0] == pytest.approx(12.345)
+    assert found.v_n[2] == pytest.approx([3.302, -7.1, -0.04])
+    assert found.sigma[0] == pytest.approx([0.81, 0.81, 1.25])
+    assert found.v_sigma[0] == pytest.approx(0.21)
+    # A floating ambiguity; that the solution is differential as well says less.
+    assert found.quality.tolist() == [2.0, 2.0, 2.0]
+    assert found.epoch == "the GPS week of 2025-11-05"
+
+
+def test_times_increase_over_midnight_and_the_week_s_end(tmp_path: Path) -> None:
     path = tmp_path / "a.dat"
     path.write_bytes(make.nmea(begin=86400.0 - 3.0))
     assert np.diff(read_gnss(path).time) == pytest.approx(0.5)
@@ -173,6 +206,25 @@ def test_what_a_receiver_calls_no_fix_is_dropped(
     path.write_bytes(content())
     with pytest.raises(InputError, match=f"fewer than two usable fixes of 0: 20 with .*{reason}"):
         read_gnss(path)
+
+
+def test_a_kind_of_solution_that_is_newer_than_the_table_is_single(tmp_path: Path) -> None:
+    path = tmp_path / "a.dat"
+    for content in (
+        make.novatel_binary(position=99),
+        b"".join(_renamed(line) for line in make.novatel_ascii().splitlines(keepends=True)),
+    ):
+        path.write_bytes(content)
+        found = read_gnss(path)
+        assert len(found) == 20
+        assert np.all(found.quality == 5.0)
+
+
+def _renamed(line: bytes) -> bytes:
+    from tests.io.makers import novatel_crc
+
+    body = line[1:].split(b"*")[0].replace(b"NARROW_INT", b"BETTER_THAN_PPP")
+    return b"#" + body + b"*%08x\r\n" % novatel_crc(body)
 
 
 def test_damaged_messages_are_counted(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 import schuler as sc
 from schuler.errors import InputError
+from schuler.io import read_trajectory
 from schuler.motion import Manoeuvre, Route
 
 SITE = sc.Site(-33.5, 179.999, 120.0)
@@ -99,3 +100,22 @@ def test_damaged_npz_is_one_sentence(tmp_path):
     path.write_bytes(b"PK\x03\x04 nothing of the kind")
     with pytest.raises(InputError, match="cannot be read"):
         sc.read_trajectory(path)
+
+
+def test_angles_in_rad_and_gzip(tmp_path):
+    import gzip
+
+    rows = "0,0.2,0.7,10,1,2,-3,0.1,-0.05,-2.9\n1,0.2,0.7,10,1,2,-3,0.1,-0.05,-2.9\n"
+    names = ("Time [s],Longitude [rad],Latitude [rad],Altitude [m],V North [m/s],V East [m/s],"
+             "V Down [m/s],Roll [rad],Pitch [rad],Yaw [rad]\n")  # fmt: skip
+    path = tmp_path / "a.csv.gz"
+    path.write_bytes(gzip.compress((names + rows).encode()))
+    found = read_trajectory(path)
+    assert found.lat.tolist() == pytest.approx([0.7, 0.7])
+    assert found.lon.tolist() == pytest.approx([0.2, 0.2])
+    assert found.v_n[0].tolist() == [2.0, 1.0, 3.0]
+    heading, pitch, roll = (float(x) for x in found.euler[0] * [-1.0, 1.0, 1.0])
+    assert np.array([heading, pitch, roll]) == pytest.approx([-2.9, -0.05, 0.1])
+    plain = tmp_path / "a.csv"
+    plain.write_text("t,lat_rad,lon_rad,height\n0,0.7,0.2,1\n1,0.7,0.2,1\n")
+    assert read_trajectory(plain).lat.tolist() == pytest.approx([0.7, 0.7])

@@ -11,7 +11,7 @@ from schuler.aiding.speed import BodySpeed
 from schuler.errors import InputError
 from schuler.record import ImuRecord
 
-__all__ = ["check_speed", "inside"]
+__all__ = ["check_clock", "check_speed", "inside"]
 
 Array = NDArray[np.float64]
 
@@ -22,6 +22,15 @@ _UNITS = {3.6: "km/h", 2.2369: "mph", 1.9438: "knots", 0.27778: "m/s read as km/
           1000.0: "mm/s"}  # fmt: skip
 _UNIT_OFF, _OFF = 0.12, 0.3
 """A ratio is that of a unit within so much; one further from 1 than the second is a mistake."""
+
+_BIN, _FARTHEST = 0.5, 25.0
+"""Turn rates are compared in steps of so long, at lags of at most so much, s."""
+
+_LAG, _ALIKE = 0.9, 0.8
+"""A lag of the fixes beyond the first (s) is one of clocks where the turns correlate so well."""
+
+_TURNS = 0.03
+"""Root mean square of the turn rate that a comparison needs, rad/s."""
 
 _SIDE = 0.5
 """Share of the speed along another axis than forward that is no slip."""
@@ -92,3 +101,66 @@ def check_speed(speed: BodySpeed, gnss: GnssFixes) -> None:
         raise InputError(
             f"{told}its forward speed is {ratio[1]:.2f} times theirs: its sign is turned"
         )
+
+
+def check_clock(record: ImuRecord, gnss: GnssFixes) -> None:
+    """Refuse fixes whose turns are those of the record at another time.
+
+    The rate about the vertical needs no axes: the vertical is where the mean specific force points.
+
+    Parameters
+    ----------
+    record : ImuRecord
+    gnss : GnssFixes
+        Without velocities, or without turns, nothing is checked.
+
+    Raises
+    ------
+    InputError
+        With the difference of the clocks.
+    """
+    if gnss.v_n is None or len(gnss) < _FEWEST:
+        return
+    time, v = np.asarray(gnss.time) - gnss.delay, np.asarray(gnss.v_n)
+    edges = np.arange(max(time[0], record.start), min(time[-1], record.end), _BIN)
+    if len(edges) < 4 * _FARTHEST / _BIN:
+        return
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    course = np.unwrap(np.arctan2(v[:, 1], v[:, 0]))
+    turn = np.diff(np.interp(edges, time, course)) / _BIN
+    speed = np.interp(middle, time, np.hypot(v[:, 0], v[:, 1]))
+    near = np.interp(middle, time[1:], np.diff(time)) < 2.0
+    force = record.accel.mean(axis=0)
+    stamps = np.concatenate([[record.start], record.time])
+    angle = np.concatenate([[0.0], np.cumsum(record.dtheta @ (force / np.linalg.norm(force)))])
+    use = (speed > _SLOW) & near
+    if use.sum() < len(middle) / 4 or np.sqrt(np.mean(turn[use] ** 2)) < _TURNS:
+        return
+    lags = np.arange(-_FARTHEST, _FARTHEST + 0.25, 0.5)
+    found = np.array([_correlation(stamps, angle, edges, turn, use, lag) for lag in lags])
+    best, now = int(np.argmax(found)), float(found[len(lags) // 2])
+    # The nearer to one, the less it takes to be clearly better than as stamped.
+    clear = 1.0 - now > 3.0 * (1.0 - found[best]) + 0.05
+    if abs(lags[best]) < _LAG or found[best] < _ALIKE or not clear:
+        return
+    lag = float(lags[best])
+    cause = "leap seconds?" if abs(abs(lag) - 18.0) < 0.75 else "are both on one clock?"
+    raise InputError(
+        f"{gnss.name}: its turns are those of the record with its times moved by {lag:+.1f} s "
+        f"(correlation {found[best]:.2f} there, {now:.2f} as stamped): {cause} An offset of "
+        f"{lag:+.1f} s of its times brings them together"
+    )
+
+
+def _correlation(
+    stamps: Array, angle: Array, edges: Array, turn: Array, use: NDArray[np.bool_], lag: float
+) -> float:
+    """Return how turn rates of fixes agree with those of the record so much later."""
+    moved = edges + lag
+    rate = np.diff(np.interp(moved, stamps, angle)) / _BIN
+    inside = use & (moved[:-1] >= stamps[0]) & (moved[1:] <= stamps[-1])
+    if inside.sum() < _FEWEST:
+        return 0.0
+    a, b = turn[inside] - turn[inside].mean(), rate[inside] - rate[inside].mean()
+    size = np.sqrt(np.sum(a**2) * np.sum(b**2))
+    return float(np.sum(a * b) / size) if size > 0.0 else 0.0

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from schuler.aiding.rows import checked_lever
 from schuler.errors import InputError
 
 __all__ = ["BodySpeed"]
@@ -33,6 +35,8 @@ class BodySpeed:
     estimate : tuple of str
         Which of "scale", "mount" and "lever" are estimated.
     name : str
+    dropped : mapping of str to int
+        Rows that a reader has left out, by reason.
 
     Raises
     ------
@@ -47,6 +51,7 @@ class BodySpeed:
     lever: ArrayLike = (0.0, 0.0, 0.0)
     estimate: tuple[str, ...] = ()
     name: str = "odometer"
+    dropped: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         time, value = np.asarray(self.time, np.float64), np.asarray(self.value, np.float64)
@@ -61,11 +66,7 @@ class BodySpeed:
             raise InputError(f"{self.name}: time does not advance after t = {time[k]:.9g} s")
         if not self.sigma > 0.0:
             raise InputError(f"{self.name}: sigma must be positive, got {self.sigma}")
-        lever = np.asarray(self.lever, np.float64)
-        if lever.shape != (3,) or not np.all(np.isfinite(lever)) or np.abs(lever).max() > 100.0:
-            raise InputError(
-                f"{self.name}: a lever arm has three numbers of at most 100 m, got {self.lever}"
-            )
+        checked_lever(self.lever, self.name)
         unknown = set(self.estimate) - set(PARTS)
         if unknown:
             raise InputError(f"{self.name}: cannot estimate {min(unknown)}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from schuler.calibration.apply import Calibration
+from schuler.calibration.doppler import BodyVelocityFit, fit_body_velocity
 from schuler.calibration.poses import PosesFit, calibrate_poses, find_rests
 from schuler.calibration.systematic import NAMES as SYSTEMATIC_NAMES
 from schuler.calibration.systematic import SystematicFit, calibrate_systematic
@@ -19,6 +20,7 @@ from schuler.calibration.turntable import TableFit, combine, rate_test, scheme, 
 
 __all__ = [
     "SYSTEMATIC_NAMES",
+    "BodyVelocityFit",
     "Calibration",
     "PosesFit",
     "Position",
@@ -32,6 +34,7 @@ __all__ = [
     "calibrate_systematic",
     "combine",
     "find_rests",
+    "fit_body_velocity",
     "positions_from_toml",
     "rate_test",
     "scheme",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -14,14 +15,18 @@ from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.navigation import AidedNavigation, Start
+    from schuler.navigation.aid_measurements import Aid
     from schuler.sensors import ImuSpec
 
 __all__ = ["aiding_options", "navigate_with_aids", "taken"]
 
 _KEYS = (
-    "gnss", "gnss_sigma", "gnss_height", "gnss_offset", "gnss_topic", "lever", "delay", "odometer",
-    "dvl", "nhc", "zupt", "scale_states", "estimate", "smooth", "outage", "vibration", "robust",
+    "gnss", "gnss_sigma", "gnss_height", "gnss_topic", "lever", "delay", "odometer", "dvl",
+    "dvl_frame", "dvl_lever", "height_file", "height_offset", "heading_file", "baseline",
+    "aid_topic", "time_offset", "nhc", "zupt", "scale_states", "estimate", "smooth", "outage",
+    "vibration", "robust",
 )  # fmt: skip
+_OFFSETS = ("gnss", "odometer", "dvl", "height", "heading")
 _ESTIMATES = ("delay", "lever", "mount", "scale")
 
 
@@ -42,10 +47,6 @@ def aiding_options(function: Any) -> Any:
             help="What the heights are above, where the file does not say it.",
         ),
         click.option(
-            "--gnss-offset", type=Number(unit="s"), metavar="S",
-            help="Added to the fixes' times, to bring them to the record's clock.",
-        ),
-        click.option(
             "--gnss-topic", metavar="NAME[,NAME]",
             help="Topics of the fixes and of their velocity, a log's message, or a .mat's array.",
         ),
@@ -58,7 +59,37 @@ def aiding_options(function: Any) -> Any:
             "--odometer", type=InputFile(), metavar="FILE", help="Forward speed: time, speed."
         ),
         click.option(
-            "--dvl", type=InputFile(), metavar="FILE", help="Speed right, forward, up: vx, vy, vz."
+            "--dvl", type=InputFile(), metavar="FILE",
+            help="Velocity along a sensor's axes: time, vx, vy, vz, valid.",
+        ),
+        click.option(
+            "--dvl-frame", type=click.Choice(["RFU", "FRD", "FLU"]),
+            help="Where x, y, z of --dvl point (RFU; of a ROS bag FLU).",
+        ),
+        click.option("--dvl-lever", metavar="X,Y,Z", help="From IMU to that sensor, m."),
+        click.option(
+            "--height-file", type=InputFile(), metavar="FILE",
+            help="Barometer or depth: time, and height, depth or pressure.",
+        ),
+        click.option(
+            "--height-offset", metavar="M,S",
+            help="1-sigma and correlation time of the offset of --height-file (100,3600).",
+        ),
+        click.option(
+            "--heading-file", type=InputFile(), metavar="FILE",
+            help="Two antennas or compass: time, heading; or NMEA with HDT.",
+        ),
+        click.option(
+            "--baseline", metavar="X,Y,Z", help="Of --heading-file, body axes (0,1,0: forward)."
+        ),
+        click.option(
+            "--aid-topic", metavar="AID=NAME", multiple=True,
+            help="Topic of odometer or dvl in a ROS bag.",
+        ),
+        click.option(
+            "--time-offset", metavar="AID=S", multiple=True,
+            help="Added to times of gnss, odometer, dvl, height or heading, to bring them to the "
+            "record's clock.",
         ),
         click.option("--nhc", is_flag=True, help="Wheels move neither sideways nor up."),
         click.option("--zupt", is_flag=True, help="Use rest that the record shows."),
@@ -94,7 +125,8 @@ def taken(options: dict[str, Any]) -> dict[str, Any]:
     """
     out = {key: options.pop(key) for key in _KEYS}
     if out["gnss"] is None:
-        given = [key for key in _KEYS if out[key] is not None and out[key] is not False]
+        # A zero is given, and no zero of an option is left out.
+        given = [k for k in _KEYS if not (out[k] is None or out[k] is False or out[k] == ())]
         if given:
             raise InputError(f"--{given[0].replace('_', '-')} is for aided navigation: say --gnss")
     return out
@@ -108,6 +140,14 @@ def _triple(text: str | None, option: str) -> tuple[float, float, float]:
     except ValueError:
         raise InputError(f"{option}: expected three numbers with commas, got '{text}'") from None
     return x, y, z
+
+
+def _pair(text: str, option: str) -> tuple[float, float]:
+    try:
+        first, second = (float(cell) for cell in text.split(","))
+    except ValueError:
+        raise InputError(f"{option}: expected two numbers as 100,3600, got '{text}'") from None
+    return first, second
 
 
 def _sigmas(text: str | None) -> tuple[float | None, float | None]:
@@ -130,6 +170,68 @@ def _estimates(text: str | None) -> set[str]:
     return wanted
 
 
+def _time_offsets(aids: dict[str, Any]) -> dict[str, float]:
+    """Return what is added to the times of each aid, s."""
+    out: dict[str, float] = {}
+    for text in aids["time_offset"]:
+        name, _, seconds = text.partition("=")
+        try:
+            value = float(seconds.strip().removesuffix("s"))
+        except ValueError:
+            value = math.nan
+        if name not in _OFFSETS or not math.isfinite(value) or name in out:
+            raise InputError(
+                f"--time-offset: expected one of {', '.join(_OFFSETS)} once, and seconds, as "
+                f"gnss=-18, got '{text}'"
+            )
+        if aids[f"{name}_file" if name in ("height", "heading") else name] is None:
+            raise InputError(f"--time-offset {text}: no such aid is given")
+        out[name] = value
+    return out
+
+
+def _topics(aids: dict[str, Any]) -> dict[str, str]:
+    """Return the topics of odometer and Doppler log."""
+    out: dict[str, str] = {}
+    for text in aids["aid_topic"]:
+        name, _, topic = text.partition("=")
+        if name not in ("odometer", "dvl") or not topic or name in out or aids[name] is None:
+            raise InputError(
+                f"--aid-topic: expected odometer or dvl, which is given, once with a topic, as "
+                f"dvl=/odom, got '{text}'"
+            )
+        out[name] = topic
+    return out
+
+
+def _other_aids(
+    aids: dict[str, Any], own: tuple[str, ...], offsets: dict[str, float], topic: str | None
+) -> list[Aid]:
+    """Read heights, headings and Doppler velocities."""
+    from schuler.io import read_dvl, read_heading, read_height
+
+    out: list[Aid] = []
+    if aids["dvl"] is not None:
+        lever = _triple(aids["dvl_lever"], "--dvl-lever")
+        out.append(
+            read_dvl(aids["dvl"], frame=aids["dvl_frame"], lever=lever, estimate=own,
+                     offset=offsets.get("dvl", 0.0), topic=topic)
+        )  # fmt: skip
+    if aids["height_file"] is not None:
+        sigma, time = _pair(aids["height_offset"] or "100,3600", "--height-offset")
+        out.append(
+            read_height(aids["height_file"], offset_sigma=sigma, offset_time=time,
+                        offset=offsets.get("height", 0.0))
+        )  # fmt: skip
+    if aids["heading_file"] is not None:
+        baseline = _triple(aids["baseline"] or "0,1,0", "--baseline")
+        out.append(
+            read_heading(aids["heading_file"], baseline=baseline,
+                         offset=offsets.get("heading", 0.0))
+        )  # fmt: skip
+    return out
+
+
 def navigate_with_aids(
     options: dict[str, Any], aids: dict[str, Any], start: Start | None, spec: ImuSpec | None,
     outputs: tuple[Any, Any, Any],
@@ -147,18 +249,29 @@ def navigate_with_aids(
         raise InputError("--estimate scale is that of --odometer or --dvl: give one")
     if "mount" in wanted and not (rolling or aids["nhc"]):
         raise InputError("--estimate mount needs --nhc, --odometer or --dvl, which show it")
+    offsets, topics = _time_offsets(aids), _topics(aids)
+    for option, file in (
+        ("dvl_frame", "dvl"), ("dvl_lever", "dvl"), ("baseline", "heading_file"),
+        ("height_offset", "height_file"),
+    ):  # fmt: skip
+        if aids[option] is not None and aids[file] is None:
+            raise InputError(
+                f"--{option.replace('_', '-')} goes with --{file.replace('_', '-')}: give one"
+            )
     sigma, v_sigma = _sigmas(aids["gnss_sigma"])
     topic, _, velocity_topic = (aids["gnss_topic"] or "").partition(",")
     gnss = read_gnss(
         aids["gnss"], lever=_triple(aids["lever"], "--lever"), delay=aids["delay"] or 0.0,
         estimate=tuple(sorted(wanted & {"delay", "lever"})), sigma=sigma, v_sigma=v_sigma,
-        height=aids["gnss_height"], offset=aids["gnss_offset"] or 0.0,
+        height=aids["gnss_height"], offset=offsets.get("gnss", 0.0),
         topic=topic or None, velocity_topic=velocity_topic or None, variable=topic or None,
     )  # fmt: skip
-    speeds = [
-        read_speed(aids[key], estimate=tuple(sorted(wanted & {"mount", "scale"})), name=key)
-        for key in ("odometer", "dvl") if aids[key] is not None
+    own = tuple(sorted(wanted & {"mount", "scale"}))
+    speeds = [] if aids["odometer"] is None else [
+        read_speed(aids["odometer"], estimate=own, offset=offsets.get("odometer", 0.0),
+                   topic=topics.get("odometer"))
     ]  # fmt: skip
+    more_aids = _other_aids(aids, own, offsets, topics.get("dvl"))
     outages = None if aids["outage"] is None else Outages.parse(aids["outage"])
     more = {} if aids["vibration"] is None else {"vibration": aids["vibration"]}
     chosen = AidingOptions(
@@ -171,8 +284,9 @@ def navigate_with_aids(
     with progress(source, source.chunks(start=begin, stop=end)) as chunks:
         record = ImuRecord.concatenate(list(look.through(chunks)), quality=source.quality)
     found = navigate_aided(
-        record, gnss, start=start, spec=spec, speeds=speeds, options=chosen, outages=outages
-    )
+        record, gnss, start=start, spec=spec, speeds=speeds, aids=more_aids, options=chosen,
+        outages=outages,
+    )  # fmt: skip
     if out_to is not None:
         write_trajectory(found.path, out_to)
     if json_to is not None:

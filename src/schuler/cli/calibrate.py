@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler.cli.calibrate_centrifuge import centrifuge
+from schuler.cli.calibrate_dvl import dvl
 from schuler.cli.calibrate_table import rate, sixpos, turntable
 from schuler.cli.command import Group, echo, wants_text
 from schuler.cli.common import (
@@ -285,5 +286,5 @@ def _print_systematic(fit: SystematicFit) -> None:
         echo(f"not shown: {name}")
 
 
-for _each in (centrifuge, sixpos, rate, turntable):
+for _each in (centrifuge, dvl, sixpos, rate, turntable):
     command.add_command(_each)

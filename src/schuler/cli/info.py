@@ -37,7 +37,7 @@ _OF_A_RECORD = (
 @site_options
 @click.option(
     "--kind",
-    type=click.Choice(["record", "fixes", "speeds"]),
+    type=click.Choice(["record", "fixes", "speeds", "body-velocities", "headings", "heights"]),
     help="What FILE holds; else its content decides.",
 )
 @json_option("Write the summary as JSON (- : here).")

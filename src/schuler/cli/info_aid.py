@@ -1,4 +1,4 @@
-"""What ``schuler info`` says of a file of fixes or speeds."""
+"""What ``schuler info`` says of a file of fixes, speeds, heights, headings or velocities."""
 
 from __future__ import annotations
 
@@ -30,7 +30,10 @@ def aid_info(path: str, kind: str, topic: str | None, json_to: str | None) -> No
     InputError
         If it cannot be read.
     """
-    make = {"fixes": _fixes, "speeds": _speeds}[kind]
+    make = {
+        "fixes": _fixes, "speeds": _speeds, "heights": _heights, "headings": _headings,
+        "body-velocities": _body_velocities,
+    }[kind]  # fmt: skip
     data, warnings = make(path, topic)
     data = {
         "schema": "schuler.aid/1", "schuler": __version__, "file": path, "kind": kind, **data,
@@ -67,15 +70,59 @@ def _fixes(path: str, topic: str | None) -> tuple[dict[str, Any], list[str]]:
 def _speeds(path: str, topic: str | None) -> tuple[dict[str, Any], list[str]]:
     from schuler.io import read_speed
 
-    speed = read_speed(path)
+    speed = read_speed(path, topic=topic)
     value, time = np.asarray(speed.value), np.asarray(speed.time)
     size = value if value.ndim == 1 else np.linalg.norm(value, axis=1)
     data = {
         "format": "table", "rows": len(speed), **_span(time), "axes": 1 if value.ndim == 1 else 3,
         "sigma_m_s": speed.sigma, "mean_m_s": float(np.mean(size)),
-        "largest_m_s": float(np.max(np.abs(size))),
+        "largest_m_s": float(np.max(np.abs(size))), "dropped": dict(speed.dropped),
     }  # fmt: skip
     return data, []
+
+
+def _heights(path: str, topic: str | None) -> tuple[dict[str, Any], list[str]]:
+    from schuler.io import read_height
+
+    found = read_height(path)
+    height = np.asarray(found.height)
+    return {
+        **_rows(found), "sigma_m": [float(np.median(np.asarray(found.sigma)))],
+        "least_m": float(np.min(height)), "largest_m": float(np.max(height)),
+    }, []  # fmt: skip
+
+
+def _headings(path: str, topic: str | None) -> tuple[dict[str, Any], list[str]]:
+    from schuler.io import read_heading
+
+    found = read_heading(path)
+    turn = np.abs((np.diff(np.asarray(found.heading)) + np.pi) % (2.0 * np.pi) - np.pi)
+    return {
+        **_rows(found), "sigma_deg": float(np.degrees(np.median(np.asarray(found.sigma)))),
+        "largest_step_deg": float(np.degrees(np.max(turn, initial=0.0))),
+    }, []  # fmt: skip
+
+
+def _body_velocities(path: str, topic: str | None) -> tuple[dict[str, Any], list[str]]:
+    from schuler.io import read_dvl
+
+    found = read_dvl(path, topic=topic)
+    velocity = np.asarray(found.velocity)
+    return {
+        **_rows(found), "axes": 3, "sigma_m_s": float(np.median(np.asarray(found.sigma))),
+        "mean_m_s": float(np.mean(np.linalg.norm(velocity, axis=1))),
+        "largest_m_s": float(np.max(np.linalg.norm(velocity, axis=1))),
+        "mean_axes_m_s": [float(x) for x in velocity.mean(axis=0)],
+    }, []  # fmt: skip
+
+
+def _rows(found: Any) -> dict[str, Any]:
+    """Return what all tables of rows have."""
+    return {
+        "format": "table" if found.clock == "unstated" else "log", "rows": len(found),
+        **_span(np.asarray(found.time)), "clock": found.clock, "epoch": "",
+        "dropped": dict(found.dropped),
+    }  # fmt: skip
 
 
 def _span(time: np.ndarray[Any, Any]) -> dict[str, Any]:
@@ -107,7 +154,15 @@ def _print(data: Mapping[str, Any]) -> None:
         rows += [("heights", _HEIGHTS[data["height_above"]])]
     if "sigma_m" in data:
         said = ", ".join(f"{x:.3g}" for x in data["sigma_m"])
-        rows += [("sigma", f"{said} m (median; east, north, up)")]
+        axes = "; east, north, up" if len(data["sigma_m"]) == 3 else ""
+        rows += [("sigma", f"{said} m (median{axes})")]
+    if "largest_m" in data:
+        rows += [("heights", f"{data['least_m']:.6g} to {data['largest_m']:.6g} m")]
+    if "largest_step_deg" in data:
+        rows += [
+            ("sigma", f"{data['sigma_deg']:.3g} deg (median)"),
+            ("steps", f"at most {data['largest_step_deg']:.4g} deg from row to row"),
+        ]
     if data.get("quality"):
         parts = (f"{n} {_QUALITY.get(q, q)}" for q, n in data["quality"].items())
         rows += [("quality", ", ".join(parts))]
@@ -118,6 +173,9 @@ def _print(data: Mapping[str, Any]) -> None:
             ("speed", f"{data['axes']} axes, mean {data['mean_m_s']:.4g} m/s, at most "
                       f"{data['largest_m_s']:.4g} m/s, 1-sigma {data['sigma_m_s']:.3g} m/s"),
         ]  # fmt: skip
+    if "mean_axes_m_s" in data:
+        said = ", ".join(f"{x:.4g}" for x in data["mean_axes_m_s"])
+        rows += [("mean", f"{said} m/s (as right, forward, up)")]
     for reason, count in data.get("dropped", {}).items():
         rows.append(("left out", f"{count} with {reason}"))
     rows += [("note", note) for note in data.get("notes", ())]

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from schuler.io.aid_kind import AID_KINDS, aid_kind
+from schuler.io.aid_tables import read_dvl, read_heading, read_height
 from schuler.io.aiding import read_gnss, read_speed
 from schuler.io.content import Content, Reader
 from schuler.io.frames import from_pandas, from_pyins, from_xarray, to_pyins
@@ -39,7 +40,10 @@ __all__ = [
     "from_xarray",
     "open_source",
     "read",
+    "read_dvl",
     "read_gnss",
+    "read_heading",
+    "read_height",
     "read_speed",
     "read_trajectory",
     "readers",

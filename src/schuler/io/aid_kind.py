@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gzip
+import zlib
 from pathlib import Path
 
 from schuler.errors import InputError
@@ -9,20 +11,22 @@ from schuler.io.aid_files import local_file
 from schuler.io.gnss import aid_reader
 from schuler.io.gnss.registry import head_of
 from schuler.io.named_table import column_names, first_names
-from schuler.io.spool import is_pipe
+from schuler.io.spool import GZIP, is_pipe
 
 __all__ = ["AID_KINDS", "aid_kind"]
 
-AID_KINDS = ("fixes", "speeds")
+AID_KINDS = ("fixes", "speeds", "body-velocities", "headings", "heights")
 """What a file may hold beside the samples of an IMU."""
 
 _TIMES = {"t", "time", "timestamp", "seconds", "gpst", "sow", "tow"}
 #: kind -> names of which a table of it has one, or all of a tuple
 _MARKS: dict[str, tuple[str | tuple[str, ...], ...]] = {
-    "speeds": (
-        ("vx", "vy", "vz"), "speed", "odometer", "wheelspeed", "canspeed", "forwardspeed",
-    ),
-}  # fmt: skip
+    "body-velocities": (("vx", "vy", "vz"), ("dvlx", "dvly", "dvlz")),
+    "speeds": ("speed", "odometer", "wheelspeed", "canspeed", "forwardspeed"),
+    "headings": ("heading", "hdt", "azimuth", "compass", "trueheading"),
+    "heights": ("height", "altitude", "alt", "depth", "pressure", "baroheight", "baroaltitude"),
+}
+_ATTITUDE = {"pitch", "roll", "yaw", "qw"}
 _OF_A_RECORD = ("g", "w", "gyr", "gx", "wx", "acc", "ax", "angular", "linear", "omega", "f")
 
 
@@ -38,6 +42,10 @@ def aid_kind(path: str | Path) -> str | None:
     if str(path) == "-" or is_pipe(path):
         return None
     try:
+        packed = _packed_head(path)
+        if packed is not None and aid_reader(path, packed) is None and _text_kind(packed) is None:
+            # Not unpacked for nothing.
+            return None
         with local_file(path) as there:
             head = head_of(there)
             reader = aid_reader(there, head)
@@ -47,14 +55,32 @@ def aid_kind(path: str | Path) -> str | None:
             if reader is not None and reader.alone(there):
                 return "fixes"
             return _named(set(names))
-    except InputError:
+    except (InputError, OSError):
         # What is damaged is spoken of by whoever reads it.
         return None
 
 
+def _packed_head(path: Path) -> bytes | None:
+    """Return the beginning of what is in a gzip file; None of any other."""
+    if not path.is_file():
+        return None
+    with path.open("rb") as file:
+        if file.read(2) != GZIP:
+            return None
+    try:
+        with gzip.open(path, "rb") as file:
+            return file.read(1 << 16)
+    except (OSError, EOFError, zlib.error):
+        return b""
+
+
+def _text_kind(head: bytes) -> str | None:
+    return _named(set(first_names(head)))
+
+
 def _named(names: set[str]) -> str | None:
     """Return the kind of a table by the names of its columns."""
-    if not names & _TIMES or {"lat", "latitude"} & names:
+    if not names & _TIMES or names & {"lat", "latitude", *_ATTITUDE}:
         return None
     axes = {stem + axis for stem in _OF_A_RECORD for axis in "xyz"}
     if names & axes or any(name.startswith(("gyr", "acc", "imu")) for name in names):

@@ -11,13 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.aiding import BodySpeed, GnssFixes
+from schuler.aiding.rows import checked_rows
 from schuler.errors import InputError
 from schuler.io.aid_files import local_file
+from schuler.io.aid_tables import read_twists
 from schuler.io.gnss import FixTable, GnssOptions, GnssReader, aid_reader, gnss_readers
 from schuler.io.gnss.registry import head_of
-from schuler.io.gnss.table import matched, read_bytes
+from schuler.io.gnss.ros import RosFixReader
+from schuler.io.gnss.table import matched
 from schuler.io.gnss.text import read_velocity
-from schuler.io.named_table import csv_columns, named_columns, parquet_columns, text_lines
+from schuler.io.named_table import read_named
 
 __all__ = ["read_gnss", "read_speed"]
 
@@ -213,6 +216,8 @@ def read_speed(
     sigma: float | None = None,
     lever: ArrayLike = (0.0, 0.0, 0.0),
     estimate: Sequence[str] = (),
+    offset: float = 0.0,
+    topic: str | None = None,
     name: str = "odometer",
 ) -> BodySpeed:
     """Read speeds along the axes of a sensor: one column of forward speed, or right, forward, up.
@@ -220,11 +225,17 @@ def read_speed(
     Parameters
     ----------
     path : str or Path
-        CSV or Parquet with named columns: time and speed, or vx, vy, vz (right, forward, up).
+        CSV or Parquet with named columns: time and speed, or vx, vy, vz (right, forward, up); or a
+        ROS bag with Odometry or a stamped twist, of which the forward speed is taken. Rows that
+        cannot be used are left out and counted.
     sigma : float, optional
         1-sigma, m/s, where the file has none; 0.1.
     lever, estimate, name
         As of `BodySpeed`.
+    offset : float
+        Added to the file's times, s, to bring them to the record's clock.
+    topic : str, optional
+        Of a bag.
 
     Raises
     ------
@@ -233,26 +244,25 @@ def read_speed(
     """
     path = Path(path)
     with local_file(path) as there:
-        table = _table(there, _SPEED)
+        if RosFixReader().sniff(head_of(there)):
+            twists = read_twists(there, topic)
+            table = {"t": twists["t"], "speed": twists["x"]}
+        else:
+            table = read_named(there, _SPEED)
         if "t" not in table:
             raise InputError("speeds need a column of times")
         if {"right", "forward", "up"} <= set(table):
-            value = np.column_stack([table["right"], table["forward"], table["up"]])
+            value, width = np.column_stack([table["right"], table["forward"], table["up"]]), 3
         elif "speed" in table:
-            value = table["speed"]
+            value, width = table["speed"], 1
         else:
             raise InputError("no column of speeds was found; name it speed, or vx, vy, vz")
-        whole = np.isfinite(table["t"]) & np.isfinite(value.reshape(len(value), -1)).all(axis=1)
         if sigma is None:
             sigma = float(np.nanmedian(table["sd"])) if "sd" in table else 0.1
-        return BodySpeed(
-            table["t"][whole], value[whole], sigma, lever=lever, estimate=tuple(estimate), name=name
+        time, rows, _, dropped = checked_rows(
+            name, table["t"] + offset, {"speed": value}, sigma, width, {}
         )
-
-
-def _table(path: Path, names: dict[str, str]) -> Table:
-    """Return the known columns of a table, in SI units."""
-    with path.open("rb") as file:
-        parquet = file.read(4) == b"PAR1"
-    raw = parquet_columns(path) if parquet else csv_columns(text_lines(read_bytes(path)))
-    return named_columns(raw, names)
+        return BodySpeed(
+            time, rows["speed"], sigma, lever=lever, estimate=tuple(estimate), name=name,
+            dropped=dropped,
+        )  # fmt: skip

@@ -26,6 +26,9 @@ __all__ = [
     "text_lines",
 ]
 
+MOST_BYTES = 400_000_000
+"""Of a file that is read whole."""
+
 Array = NDArray[np.float64]
 Table = dict[str, Array]
 
@@ -89,6 +92,41 @@ def text_lines(data: bytes) -> list[str]:
     except UnicodeDecodeError:
         raise InputError("it is no text and of no known binary format") from None
     return [line for line in lines if line.strip()]
+
+
+def read_named(path: Path, names: Mapping[str, str]) -> Table:
+    """Return the columns of a CSV or Parquet file that are known by name, in SI units.
+
+    Parameters
+    ----------
+    path : Path
+    names : mapping of str to str
+        Plain name (small letters alone) -> role.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or two columns have one role.
+    """
+    with path.open("rb") as file:
+        parquet = file.read(4) == b"PAR1"
+    raw = parquet_columns(path) if parquet else csv_columns(text_lines(read_bytes(path)))
+    return named_columns(raw, names)
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return a file's bytes, at most `MOST_BYTES` of them.
+
+    Raises
+    ------
+    InputError
+        If it is larger.
+    """
+    with path.open("rb") as file:
+        data = file.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
+        raise InputError(f"it has more than {MOST_BYTES // 1_000_000} MB: too large for aids")
+    return data
 
 
 def first_names(head: bytes) -> list[str]:

@@ -18,8 +18,8 @@ from schuler._files import replacing
 from schuler.attitude import euler_to_quat, heading_to_psi, quat_to_euler
 from schuler.constants import DEG
 from schuler.errors import InputError, shown
+from schuler.io.aid_files import local_file
 from schuler.io.sealed import read_sealed, write_sealed
-from schuler.io.spool import Spooled, is_pipe
 from schuler.trajectory import Trajectory
 
 __all__ = ["read_trajectory", "truth_path", "write_trajectory"]
@@ -42,6 +42,8 @@ _NAMES = {
     **{name: name for name in ("pitch", "roll", "qw", "qx", "qy", "qz")},
 }
 _UNITS = re.compile(r"\s*[\[(].*|_(s|deg|m|mps|rad)$")
+_RADIANS = re.compile(r"[\[(]\s*rad\s*[\])]$|_rad$")
+_ANGLES = ("lat", "lon", "heading", "pitch", "roll")
 _LEAST = 2
 _QUAT = ("qw", "qx", "qy", "qz")
 
@@ -58,7 +60,8 @@ def read_trajectory(path: str | Path, layout: str | None = None) -> Trajectory:
     Columns are known by name: time (s), lat, lon (deg), height or alt (m); VE, VN and VU or VD, or
     v_east ... (m/s); heading (deg, clockwise from north), pitch, roll (deg); qw, qx, qy, qz (body
     to East-North-Up), which count more than angles. So pyins tables are understood as they are.
-    Units behind names are passed over: they must be these. Rows with an empty cell are passed over.
+    Angles may be in rad where their names say so, as ``lat [rad]``; other units behind names are
+    passed over: they must be these. Rows with an empty cell are passed over. Gzip is unpacked.
 
     Parameters
     ----------
@@ -75,12 +78,10 @@ def read_trajectory(path: str | Path, layout: str | None = None) -> Trajectory:
     path = Path(path)
     try:
         _check_layout(layout)
-        # The copy of a pipe lasts as long as this object.
-        spooled = Spooled(path) if is_pipe(path) else None
-        if spooled is None and not path.is_file():
-            raise InputError("there is no such file with a trajectory")
-        there = path if spooled is None else spooled.path
-        suffix = path.suffix.lower()
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    with local_file(path) as there:
+        suffix = there.suffix.lower()
         if layout == "psins":
             table = _psins(there)
         elif suffix in (".parquet", ".pq"):
@@ -88,8 +89,6 @@ def read_trajectory(path: str | Path, layout: str | None = None) -> Trajectory:
         else:
             table = _npz(there) if suffix == ".npz" else _text(there)
         return _trajectory(table, path.name)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def _check_layout(layout: str | None) -> None:
@@ -151,15 +150,28 @@ def _roles(names: list[str]) -> dict[str, int]:
     return found
 
 
+def _degrees(table: dict[str, Array], names: list[str], roles: dict[str, int]) -> dict[str, Array]:
+    """Turn into degrees the angles whose names say that they are in rad."""
+    return {
+        role: column / DEG
+        if role in _ANGLES and _RADIANS.search(names[roles[role]].strip().lower())
+        else column
+        for role, column in table.items()
+    }
+
+
 def _parquet(path: Path) -> dict[str, Array]:
     import pyarrow as pa
 
     table = read_sealed(path)[0]
     try:
-        return {
+        names = table.column_names
+        roles = _roles(names)
+        columns = {
             role: np.asarray(numbers(table.column(k).cast(pa.float64())), np.float64)
-            for role, k in _roles(table.column_names).items()
+            for role, k in roles.items()
         }
+        return _degrees(columns, names, roles)
     except (pa.ArrowException, OSError) as error:
         reason = str(error).splitlines()[0][:120]
         raise InputError(f"cannot be read ({shown(reason)})") from None
@@ -169,9 +181,9 @@ def _npz(path: Path) -> dict[str, Array]:
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             names = arrays.files
-            return {
-                role: np.asarray(arrays[names[k]], np.float64) for role, k in _roles(names).items()
-            }
+            roles = _roles(names)
+            columns = {role: np.asarray(arrays[names[k]], np.float64) for role, k in roles.items()}
+            return _degrees(columns, names, roles)
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise InputError(f"cannot be read ({shown(str(error)[:120])})") from None
 
@@ -214,7 +226,8 @@ def _text(path: Path) -> dict[str, Array]:
         raise
     except ValueError as error:
         raise InputError(f"has a cell that is not a number ({error})") from None
-    return dict(zip(roles, (np.array(c, np.float64) for c in columns), strict=True))
+    found = dict(zip(roles, (np.array(c, np.float64) for c in columns), strict=True))
+    return _degrees(found, names, roles)
 
 
 def write_trajectory(

@@ -9,7 +9,7 @@ Source: Groves (2013), chapters 14 and 16; Niu et al. (2025) for scale factors a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.aiding import BodySpeed, GnssFixes, Rests, find_rest, no_overlap
-from schuler.aiding.checks import check_speed, inside
+from schuler.aiding.checks import check_clock, check_speed, inside
 from schuler.constants import DEG, DEG_PER_HOUR
 from schuler.earth import Site
 from schuler.ins import (
@@ -37,6 +37,15 @@ from schuler.ins import (
     ZeroVelocity,
     instrument_noise,
     instrument_prior,
+)
+from schuler.navigation.aid_measurements import (
+    AIDS,
+    Aid,
+    DopplerRows,
+    aid_noise,
+    aid_priors,
+    left_out,
+    measurements_of,
 )
 from schuler.navigation.aided_result import OUTPUT, WITHHELD, AidedNavigation, finished
 from schuler.navigation.motion_start import motion_start
@@ -123,7 +132,7 @@ def navigate_aided(
     start: Start | None = None,
     spec: ImuSpec | None = None,
     speeds: Sequence[BodySpeed] = (),
-    aids: Sequence[CustomMeasurement] = (),
+    aids: Sequence[Aid | CustomMeasurement] = (),
     options: AidingOptions | None = None,
     outages: Outages | None = None,
 ) -> AidedNavigation:
@@ -140,8 +149,8 @@ def navigate_aided(
     spec : ImuSpec, optional
         The instrument; a MEMS of consumer grade when not given.
     speeds : sequence of BodySpeed
-    aids : sequence of CustomMeasurement
-        A user's own.
+    aids : sequence of Height, HeadingFixes, BodyVelocity, ZeroRate or CustomMeasurement
+        Of `schuler.aiding`, or a user's own.
     options : AidingOptions, optional
     outages : Outages, optional
         Spans whose fixes are withheld, and scored.
@@ -153,6 +162,7 @@ def navigate_aided(
     """
     options = options or AidingOptions()
     record, gnss = _common(record, gnss)
+    check_clock(record, gnss)
     rests = _rests(record, gnss)
     instrument = spec or UNSPECIFIED
     bias, bias_sigma = _bias_at_rest(record, rests, instrument)
@@ -160,18 +170,23 @@ def navigate_aided(
     record = record.between(begin.time, None)
     used, withheld = (gnss, None) if outages is None else outages.divide(gnss, record.start)
     measured = _measurements(record, used, withheld, speeds, rests, options, bias)
+    known = [aid for aid in aids if isinstance(aid, AIDS)]
+    own = [aid for aid in aids if not isinstance(aid, AIDS)]
+    handling = Handling(gate=_GATE, robust=options.robust)
+    measured += measurements_of(known, record, used, handling)
     layout = Layout([
         "phi", "velocity", "position", "gyro_bias", "accelerometer_bias",
         *(["gyro_scale", "accelerometer_scale"] if options.scale else []),
         *dict.fromkeys(group for aid in measured for group in aid.groups),
     ])  # fmt: skip
-    noise = _noise(layout, instrument, options)
-    covariance = np.diag(_prior(layout, instrument, options, begin, bias_sigma, measured) ** 2)
-    more = _output_times(record, [*measured, *aids], options.longest_interval)
+    noise = _noise(layout, instrument, options, aid_noise(known))
+    prior = _prior(layout, instrument, options, begin, bias_sigma, aid_priors(known))
+    covariance = np.diag(prior**2)
+    more = _output_times(record, [*measured, *own], options.longest_interval)
     if len(more):
         measured.append(OutputEpoch(more, name=OUTPUT))
     flt = ErrorStateFilter(
-        layout, begin.site, begin.quat_nb, covariance, noise, [*measured, *aids], v_n=begin.v_n,
+        layout, begin.site, begin.quat_nb, covariance, noise, [*measured, *own], v_n=begin.v_n,
         parameters={"gyro_bias": bias}, smooth=options.smooth, step=0.1,
     )  # fmt: skip
     flt.update(record)
@@ -179,7 +194,7 @@ def navigate_aided(
     contradictions, warnings = _against_priors(flt, np.sqrt(np.diag(covariance)))
     return replace(
         found, contradictions=(*found.contradictions, *contradictions),
-        warnings=(*found.warnings, *warnings),
+        warnings=(*found.warnings, *warnings, *left_out([*speeds, *known])),
     )  # fmt: skip
 
 
@@ -187,6 +202,7 @@ def _against_priors(flt: ErrorStateFilter, prior: Array) -> tuple[list[str], lis
     """Hold each estimate against its own prior: of aids it contradicts, of sensors it is said."""
     aids: list[str] = []
     sensors: list[str] = []
+    doppler = {aid.group("mount") for aid in flt.aids if isinstance(aid, DopplerRows)}
     for group in flt.layout:
         part = group.rpartition(".")[2]
         if part not in _PRIORS and not group.endswith("_scale"):
@@ -195,7 +211,12 @@ def _against_priors(flt: ErrorStateFilter, prior: Array) -> tuple[list[str], lis
         if np.max(size) <= _BEYOND:
             continue
         value = float(np.max(np.abs(flt.parameter(group))))
-        if part == "mount":
+        if part == "mount" and group in doppler:
+            aids.append(
+                f"the axes of {group.partition('.')[0]} are turned by {value / DEG:.0f} deg more "
+                "than its mounting is said to be: are its frame and its mounting right?"
+            )
+        elif part == "mount":
             aids.append(
                 f"the body's axes are turned by {value / DEG:.0f} deg against the direction of "
                 "travel: are the record's axes right (--axes)?"
@@ -361,8 +382,10 @@ def _output_times(
     return np.unique(np.concatenate(out)) if out else np.zeros(0)
 
 
-def _noise(layout: Layout, spec: ImuSpec, options: AidingOptions) -> ProcessNoise:
-    noise = instrument_noise(layout, spec)
+def _noise(
+    layout: Layout, spec: ImuSpec, options: AidingOptions, aids: Mapping[str, GroupNoise]
+) -> ProcessNoise:
+    noise = {**instrument_noise(layout, spec), **aids}
     white = max(spec.accelerometer.white, options.vibration)
     noise["velocity"] = replace(noise["velocity"], walk=white**2)
     for group, least in (("gyro_bias", 1e-7), ("accelerometer_bias", 1e-7)):
@@ -376,12 +399,12 @@ def _noise(layout: Layout, spec: ImuSpec, options: AidingOptions) -> ProcessNois
 
 def _prior(
     layout: Layout, spec: ImuSpec, options: AidingOptions, begin: _Begin, bias_sigma: Array,
-    measured: Sequence[Measurement],
+    aids: Mapping[str, float],
 ) -> Array:  # fmt: skip
     """Return 1-sigma of each state at the start."""
     sigma: dict[str, Any] = {
         "phi": begin.sigma, "velocity": begin.v_sigma, "position": begin.r_sigma,
-        **instrument_prior(layout, spec), "gyro_bias": bias_sigma,
+        **instrument_prior(layout, spec), "gyro_bias": bias_sigma, **aids,
     }  # fmt: skip
     if options.scale:
         gyro, accel = spec.gyro.scale_factor, spec.accelerometer.scale_factor

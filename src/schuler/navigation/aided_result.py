@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from schuler._notebook import Shown
 from schuler.aiding import GnssFixes
-from schuler.attitude import multiply, quat_to_matrix, rotvec_to_quat
+from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
 from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G
 from schuler.earth import radii
 from schuler.errors import InputError
-from schuler.ins import BodyVelocity, EpochStates, ErrorStateFilter, Measurement
+from schuler.ins import BodyVelocity, EpochStates, ErrorStateFilter, Height, Measurement
 from schuler.kernels.states import ErrorStates
+from schuler.navigation.aid_measurements import DopplerRows
 from schuler.navigation.outages import Outages, OutageScore
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
@@ -365,7 +366,9 @@ def _warnings(
     gnss: GnssFixes, flt: ErrorStateFilter, gaps: Sequence[tuple[float, float]],
     outages: Outages | None,
 ) -> list[str]:  # fmt: skip
-    out = []
+    out = list(gnss.notes)
+    if gnss.height_above == "geoid":
+        out.append(f"heights are above the geoid, as those of {gnss.name}, and not the ellipsoid")
     if gnss.dropped:
         said = ", ".join(f"{count} with {reason}" for reason, count in gnss.dropped.items())
         out.append(f"rows of {gnss.name} were left out: {said}")
@@ -403,6 +406,14 @@ def _estimates(
                 out.setdefault("delay_s", {})[aid.label] = pair(group, aid.delay)
             elif part == "lever":
                 out.setdefault("lever_m", {})[aid.label] = pair(group, aid.lever)
+            elif part == "offset" and isinstance(aid, Height):
+                out.setdefault("offset_m", {})[aid.label] = pair(group, aid.offset)
+            elif part == "scale" and isinstance(aid, DopplerRows):
+                out.setdefault("doppler_scale", {})[aid.label] = pair(group, aid.scale)
+            elif part == "mount" and isinstance(aid, DopplerRows):
+                out.setdefault("doppler_mount_deg", {})[aid.label] = _rotation(
+                    flt, aid, group, sigma
+                )
             elif part == "scale" and isinstance(aid, BodyVelocity):
                 out["odometer_scale"] = pair(group, aid.scale)
             elif part == "mount" and isinstance(aid, BodyVelocity):
@@ -413,6 +424,15 @@ def _estimates(
         if group in layout:
             out[name] = pair(group)
     return out
+
+
+def _rotation(
+    flt: ErrorStateFilter, aid: DopplerRows, group: str, sigma: Array
+) -> list[list[float]]:
+    """Return the rotation vector from the body's axes to the sensor's, and its 1-sigma, deg."""
+    turn = multiply(rotvec_to_quat(flt.parameter(group)), np.asarray(aid.mount))
+    whole = quat_to_rotvec(turn)
+    return [[float(x) / DEG for x in whole], [float(x) / DEG for x in sigma[flt.layout[group]]]]
 
 
 def _mount(

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.modulation import RotationCase, end_errors, turned
+from schuler.modulation import RotationCase, Turned, end_errors, turned
 from schuler.motion import Limits, Scheme, named_scheme
 from schuler.published.result import (
     Curve,
@@ -25,10 +25,11 @@ __all__ = ["end_distance", "run"]
 Array = NDArray[np.float64]
 
 
-def end_distance(case: RotationCase, scheme: Scheme, lat: float, psi: ArrayLike) -> Array:
+def end_distance(case: RotationCase, scheme: Scheme | Turned, lat: float, psi: ArrayLike) -> Array:
     """Return the position error at the end, m, for each psi (counter-clockwise, deg)."""
     heading = -np.atleast_1d(np.asarray(psi, np.float64))
-    found = end_errors(turned(scheme, case.duration), case.errors, [lat], heading, case.site.height)
+    motion = turned(scheme, case.duration) if isinstance(scheme, Scheme) else scheme
+    found = end_errors(motion, case.errors, [lat], heading, case.site.height)
     return np.asarray(np.hypot(found[0, :, 0], found[0, :, 1]))
 
 
@@ -85,11 +86,13 @@ def run(options: Options) -> Experiment:
         "clockwise": named_scheme("reciprocating-from-end", limits=limits, clockwise=True),
         "counter": named_scheme("reciprocating-from-end", limits=limits),
     }  # fmt: skip
+    # Each scheme is integrated once, for all places and headings.
+    motions = {name: turned(scheme, case.duration) for name, scheme in schemes.items()}
     printed = data["printed"]["reduction_percent"]
     rows = _reliability_rows(data)
 
     def reductions(lat: float, psi: ArrayLike) -> dict[str, Array]:
-        way = {name: end_distance(case, scheme, lat, psi) for name, scheme in schemes.items()}
+        way = {name: end_distance(case, motion, lat, psi) for name, motion in motions.items()}
         return {name: 100.0 * (1.0 - way[name] / way["fixed"]) for name in schemes}
 
     places = [(case.site.lat, psi) for psi in data["headings"]["psi"]]
@@ -123,9 +126,11 @@ def run(options: Options) -> Experiment:
             Row(f"error of 8 h less by, {name} of all headings, latitude {lat:g}", "%", None,
                 cut["single"][one], cut["double"][two], note=f"at psi = {psi[one]:g} deg")
         )  # fmt: skip
-    one_way = named_scheme("continuous", limits=Limits(case.single.limits.rate))
+    one_way = turned(
+        named_scheme("continuous", limits=Limits(case.single.limits.rate)), case.duration
+    )
     for lat in data["one_way"]["latitudes"]:
-        way, back = (end_distance(case, s, lat, 0.0)[0] for s in (one_way, case.single))
+        way, back = (end_distance(case, m, lat, 0.0)[0] for m in (one_way, motions["single"]))
         rows.append(
             Row(f"error of 8 h turned one way, latitude {lat:g}, psi 0", "km", None, 1e-3 * way,
                 1e-3 * back, note="best: to and fro")

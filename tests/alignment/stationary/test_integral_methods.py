@@ -91,21 +91,21 @@ def test_a_record_without_latitude_says_so():
 
 def test_comparison():
     rng = np.random.default_rng(4)
-    record = simulate(Static(30.0), SITE, 300.0, 20.0, FOG, rng).record
+    record = simulate(Static(30.0), SITE, 200.0, 10.0, FOG, rng).record
     pairs = (("auto", "none"), ("kalman", "none"), ("analytic", "lowpass"))
     said = []
-    found = compare(record, SITE, FOG, pairs, window=100.0, progress=said.append)
+    found = compare(record, SITE, FOG, pairs, window=60.0, progress=said.append)
     assert [(r.method, r.prefilter) for r in found.rows] == list(pairs)
     assert said == ["auto", "kalman", "analytic, lowpass"]
     for row in found.rows:
         assert abs(row.heading_deg - 30.0) * 60 < 5 * row.sigma_arcmin
         assert row.std_heading_arcmin > 0
-        assert row.settle_s is None or 0 < row.settle_s <= 300.0
+        assert row.settle_s is None or 0 < row.settle_s <= 200.0
     assert found.rows[0].note == "chose optimal"
     short = compare(record.between(0.0, 30.0), SITE, FOG, (("gyrocompass", "none"),))
     assert short.rows[0].heading_deg is None
     assert "settle" in short.rows[0].note
-    assert settle_time(align(record, SITE, "centred", FOG)) < 300.0
+    assert settle_time(align(record, SITE, "centred", FOG)) < 200.0
     json.dumps(found.to_dict(), allow_nan=False)
     assert found.consistent
     assert all(row.consistent for row in found.rows)

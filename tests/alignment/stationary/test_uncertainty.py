@@ -46,7 +46,10 @@ def runs(still, spec, method, at, count, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("method", "at"), [("centred", "end"), ("centred", "start")])
+@pytest.mark.parametrize(
+    ("method", "at"),
+    [("centred", "end"), pytest.param("centred", "start", marks=pytest.mark.long)],
+)
 def test_nees_of_static_runs(still, method, at):
     """White noise and biases: NEES inside the 99 % band, with and without the disturbance part."""
     count = 250
@@ -159,14 +162,14 @@ def test_grades_are_ordered():
     ("section", "key", "text"),
     [
         ("gyro", "scale_factor", "1000 ppm"),
-        ("gyro", "misalignment", "200 arcsec"),
-        ("gyro", "non_orthogonality", "200 arcsec"),
+        pytest.param("gyro", "misalignment", "200 arcsec", marks=pytest.mark.long),
+        pytest.param("gyro", "non_orthogonality", "200 arcsec", marks=pytest.mark.long),
         ("gyro", "g_sensitivity", "0.02 deg/h/g"),
-        ("gyro", "g2_sensitivity", "0.02 deg/h/g^2"),
-        ("accelerometer", "scale_factor", "1000 ppm"),
+        pytest.param("gyro", "g2_sensitivity", "0.02 deg/h/g^2", marks=pytest.mark.long),
+        pytest.param("accelerometer", "scale_factor", "1000 ppm", marks=pytest.mark.long),
         ("accelerometer", "misalignment", "200 arcsec"),
-        ("accelerometer", "non_orthogonality", "200 arcsec"),
-        ("accelerometer", "g2_sensitivity", "500 ug/g^2"),
+        pytest.param("accelerometer", "non_orthogonality", "200 arcsec", marks=pytest.mark.long),
+        pytest.param("accelerometer", "g2_sensitivity", "500 ug/g^2", marks=pytest.mark.long),
     ],
 )
 def test_constant_errors_of_a_tilted_base(section, key, text):

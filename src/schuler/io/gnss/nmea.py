@@ -23,9 +23,9 @@ from schuler.io.gnss.table import (
     GnssOptions,
     as_columns,
     drop_rows,
-    read_bytes,
     unwrapped,
 )
+from schuler.io.named_table import read_bytes
 
 __all__ = ["NmeaReader", "read_nmea_headings"]
 

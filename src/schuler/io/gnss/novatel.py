@@ -27,8 +27,8 @@ from schuler.io.gnss.table import (
     as_columns,
     drop_rows,
     matched,
-    read_bytes,
 )
+from schuler.io.named_table import read_bytes
 from schuler.io.novatel_frames import SYNC, crc, frame_at, sound
 
 __all__ = ["NovatelFixReader"]
@@ -85,13 +85,18 @@ _KINDS = {
     "PSRDIFF": 17, "WAAS": 18, "PROPAGATED": 19, "L1_FLOAT": 32, "NARROW_FLOAT": 34, "L1_INT": 48,
     "WIDE_INT": 49, "NARROW_INT": 50, "RTK_DIRECT_INS": 51, "INS_SBAS": 52, "INS_PSRSP": 53,
     "INS_PSRDIFF": 54, "INS_RTKFLOAT": 55, "INS_RTKFIXED": 56, "PPP_CONVERGING": 68, "PPP": 69,
-    "INS_PPP_CONVERGING": 73, "INS_PPP": 74,
+    "INS_PPP_CONVERGING": 73, "INS_PPP": 74, "PPP_BASIC_CONVERGING": 77, "PPP_BASIC": 78,
+    "INS_PPP_BASIC_CONVERGING": 79, "INS_PPP_BASIC": 80,
 }  # fmt: skip
-#: kind of a position -> quality as RTKLIB
+#: kinds that are no measurement of satellites
+_NO_FIX = (0, 1, 2, 8, 19)
+#: kind of a position -> quality as RTKLIB; kinds that are newer than this table count as single
 _QUALITY = {
-    **dict.fromkeys((48, 49, 50, 51, 56), 1), **dict.fromkeys((32, 34, 55, 68, 73), 2),
-    **dict.fromkeys((17, 18, 52, 54, 69, 74), 4), **dict.fromkeys((16, 53), 5),
-}  # fmt: skip
+    **dict.fromkeys((48, 49, 50, 51, 56), 1),
+    **dict.fromkeys((32, 33, 34, 55, 68, 73, 77, 79), 2),
+    **dict.fromkeys((17, 18, 52, 54, 69, 74, 78, 80), 4),
+}
+_SINGLE, _UNKNOWN = 5, 999
 _INS_GOOD = (3, 6, 7)
 
 
@@ -145,8 +150,9 @@ class NovatelFixReader:
             good = c["status"] == 0.0
         c = drop_rows(c, good, "a solution that the receiver does not call computed", dropped)
         if "kind" in c:
-            c["quality"] = np.array([float(_QUALITY.get(int(k), 0)) for k in c["kind"]])
-            c = drop_rows(c, c["quality"] > 0.0, "a solution that is no fix of satellites", dropped)
+            there = ~np.isin(c["kind"], _NO_FIX)
+            c = drop_rows(c, there, "a solution that is no fix of satellites", dropped)
+            c["quality"] = np.array([float(_QUALITY.get(int(k), _SINGLE)) for k in c["kind"]])
         for name in next(names for which, names in _CHOICE if which == kind):
             if name in found:
                 v = _columns(found[name], name, week)
@@ -222,5 +228,5 @@ def _value(name: str, cell: str, kind: str) -> float:
             return float(_INS_STATUS.get(cell, 0))
         return float(_STATUS.get(cell, 1))
     if name == "kind":
-        return float(_KINDS.get(cell, 0))
+        return float(_KINDS.get(cell, _UNKNOWN))
     return float(cell)

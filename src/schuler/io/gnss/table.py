@@ -10,17 +10,12 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.errors import InputError
-
 __all__ = [
-    "DAY", "MOST_BYTES", "WEEK", "FixTable", "GnssOptions", "GnssReader", "drop_rows", "matched",
-    "read_bytes", "unwrapped",
+    "DAY", "WEEK", "FixTable", "GnssOptions", "GnssReader", "drop_rows", "matched",
+    "unwrapped",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
-
-MOST_BYTES = 400_000_000
-"""Of a file that is read whole."""
 
 DAY, WEEK = 86400.0, 604800.0
 
@@ -87,21 +82,6 @@ class GnssReader(Protocol):
 
     def read(self, path: Path, options: GnssOptions) -> FixTable:
         """Read the file."""
-
-
-def read_bytes(path: Path) -> bytes:
-    """Return a file's bytes, at most `MOST_BYTES` of them.
-
-    Raises
-    ------
-    InputError
-        If it is larger.
-    """
-    with path.open("rb") as file:
-        data = file.read(MOST_BYTES + 1)
-    if len(data) > MOST_BYTES:
-        raise InputError(f"it has more than {MOST_BYTES // 1_000_000} MB: too large for aids")
-    return data
 
 
 def unwrapped(time: Array, period: float) -> Array:

@@ -10,13 +10,14 @@ import numpy as np
 
 from schuler.constants import DEG
 from schuler.errors import InputError, shown
-from schuler.io.gnss.table import DAY, WEEK, Array, FixTable, GnssOptions, read_bytes
+from schuler.io.gnss.table import DAY, WEEK, Array, FixTable, GnssOptions
 from schuler.io.named_table import (
     column_names,
     csv_columns,
     first_names,
     named_columns,
     parquet_columns,
+    read_bytes,
     text_lines,
 )
 

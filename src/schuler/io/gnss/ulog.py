@@ -24,6 +24,7 @@ __all__ = ["UlogFixReader"]
 _MAGIC = b"ULog\x01\x12\x35"
 _MESSAGES = ("vehicle_gps_position", "sensor_gps")
 _RECORD = ("vehicle_imu", "sensor_combined")
+_BEGINNING = 1 << 20
 #: column -> the field's names with their units in SI, the finer first
 _FIELDS = {
     "lat": (("latitude_deg", DEG), ("lat", 1e-7 * DEG)),
@@ -51,10 +52,16 @@ class UlogFixReader:
 
     def alone(self, path: Path) -> bool:
         """Say whether the log has fixes and no samples of an IMU."""
-        with path.open("rb") as file:
-            rows = clean(file, path.stat().st_size, (*_MESSAGES, *_RECORD)).rows
-        logged = {name.partition(":")[0] for name, count in rows.items() if count}
-        return bool(logged & set(_MESSAGES)) and not logged & set(_RECORD)
+        size = path.stat().st_size
+        logged: set[str] = set()
+        # An IMU is logged all the time: the beginning of a long log shows it.
+        for part in sorted({min(size, _BEGINNING), size}):
+            with path.open("rb") as file:
+                rows = clean(file, part, (*_MESSAGES, *_RECORD)).rows
+            logged = {name.partition(":")[0] for name, count in rows.items() if count}
+            if logged & set(_RECORD):
+                return False
+        return bool(logged & set(_MESSAGES))
 
     def read(self, path: Path, options: GnssOptions) -> FixTable:
         """Read the messages of one receiver."""
