@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.aiding import BodySpeed, GnssFixes
+from schuler.aiding import BodySpeed, BodyVelocity, GnssFixes
 from schuler.aiding.checks import check_speed
 from schuler.alignment.history import History
 from schuler.alignment.moving.body import body_rows
@@ -23,7 +23,7 @@ from schuler.alignment.moving.series import (
     position_series,
     velocity_series,
 )
-from schuler.alignment.moving.setup import Aid, Nominal, make_filter, measurements
+from schuler.alignment.moving.setup import Aid, Nominal, as_speed, make_filter, measurements
 from schuler.alignment.moving.span import (
     bias_at_rest,
     common_span,
@@ -65,17 +65,22 @@ _REFUSED = 0.3
 
 
 def align_moving(
-    record: ImuRecord, aiding: Aid | Sequence[Aid], site: Site | None = None,
-    spec: ImuSpec | str | Path | None = None, *, span: tuple[float | None, float | None] | None
-    = None, at: str = "end", vibration: float | None = None,
-) -> MovingAlignment:  # fmt: skip
+    record: ImuRecord,
+    aiding: Aid | BodyVelocity | Sequence[Aid | BodyVelocity],
+    site: Site | None = None,
+    spec: ImuSpec | str | Path | None = None,
+    *,
+    span: tuple[float | None, float | None] | None = None,
+    at: str = "end",
+    vibration: float | None = None,
+) -> MovingAlignment:
     """Align a vehicle that moves by what else was measured of its motion.
 
     Parameters
     ----------
     record : ImuRecord
         What lies before the span shows the gyro bias where the vehicle stood still.
-    aiding : GnssFixes, BodySpeed, or a sequence of them
+    aiding : GnssFixes, BodySpeed, BodyVelocity, or a sequence of them
         On the record's clock.
     site : Site, optional
         Where the vehicle is at the start of the span; needed without GNSS fixes.
@@ -96,15 +101,17 @@ def align_moving(
         missing.
     """
     expect(record, ImuRecord, "record", "read a file with schuler.read")
-    aids = [aiding] if isinstance(aiding, Aid) else list(aiding)
-    if not aids:
+    given = [aiding] if isinstance(aiding, Aid | BodyVelocity) else list(aiding)
+    if not given:
         raise InputError("an alignment in motion needs aids: give GnssFixes or a BodySpeed")
-    for aid in aids:
-        if not isinstance(aid, Aid):
+    for each in given:
+        if not isinstance(each, Aid | BodyVelocity):
             raise InputError(
-                f"aiding takes GnssFixes and BodySpeed, got {type(aid).__name__}: read a file "
-                "with schuler.io.read_gnss or read_speed"
+                "aiding takes GnssFixes, BodySpeed and BodyVelocity, got "
+                f"{type(each).__name__}: read a file with schuler.io.read_gnss, read_speed or "
+                "read_dvl"
             )
+    aids = [as_speed(each) for each in given]
     if at not in ("start", "end"):
         raise InputError(f"at must be start or end, got '{at}'")
     if vibration is not None and not (np.isfinite(vibration) and vibration >= 0.0):
