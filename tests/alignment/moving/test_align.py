@@ -237,6 +237,15 @@ def test_a_span_without_acceleration_says_what_is_missing():
         sc.align(record, aiding=gnss, spec=GRADE, span=(0.0, 20.0))
 
 
+def test_a_span_that_would_fill_the_memory_is_refused(monkeypatch):
+    from schuler.alignment.moving import fine
+
+    monkeypatch.setattr(fine, "_MEMORY", 1e5)
+    _, record, gnss = drive()
+    with pytest.raises(InputError, match=r"take one of at most 16 s \(--from, --to\)"):
+        sc.align(record, aiding=gnss, spec=GRADE)
+
+
 def test_bad_input_is_one_sentence():
     _, record, gnss = drive()
     shifted = replace(gnss, time=np.asarray(gnss.time) + 86400.0)
