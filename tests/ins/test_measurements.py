@@ -58,7 +58,8 @@ KINDS = {
 }  # fmt: skip
 AT_A_PLACE = {"zero displacement", "constant base"}
 STEPS = {"phi": 1e-6, "velocity": 1e-3, "position": 1e-1, "gyro_bias": 1e-6, "lever": 1e-3,
-         "delay": 1e-4, "scale": 1e-4, "mount": 1e-6, "mounting": 1e-6, "offset": 0.1, "base": 1e-6}  # fmt: skip
+         "delay": 1e-4, "scale": 1e-4, "mount": 1e-6, "mounting": 1e-6, "offset": 0.1,
+         "base": 1e-6}  # fmt: skip
 
 
 def predicted(aid, layout, state, est, cfg):
