@@ -98,9 +98,8 @@ def test_rows_are_derivatives_of_the_prediction(name, which):
         )
         aid = replace(aid, value=quat_to_rotvec(quat))
     rate = np.array([0.1, -0.2, 0.4])
-    for now in (kernel.RATE_B, kernel.RATE_NOW):
+    for now in (kernel.RATE_B, kernel.RATE_NOW, kernel.MEAN_RATE):
         state[now : now + 3] = rate
-    state[kernel.TURN_RATE : kernel.TURN_RATE + 3] = 0.5, -0.3, 0.2
     at = kernel.MEAN_ACCELERATION
     state[at : at + 3] = 1.0, -2.0, 0.3
     if fixed:
@@ -111,7 +110,7 @@ def test_rows_are_derivatives_of_the_prediction(name, which):
     def value(x):
         s, e = with_error(layout, state, est, x, fixed)
         # What is left of a gyro bias, truth minus estimate, is in the rate as well.
-        for now in (kernel.RATE_B, kernel.RATE_NOW):
+        for now in (kernel.RATE_B, kernel.RATE_NOW, kernel.MEAN_RATE):
             s[now : now + 3] += x[layout["gyro_bias"]]
         if name == "zero displacement":
             # An error of the attitude is one of the start as well.

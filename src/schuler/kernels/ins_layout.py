@@ -64,12 +64,12 @@ MEAN_F = 51  # 3, integral of the specific force, n axes
 GYRO_PRODUCT = 54  # 27, integral of C_ij w_k
 FORCE_PRODUCT = 81  # 27, integral of C_ij f_k
 RATE_NOW = 112  # 3, angular rate of the body at the end of the last update
-TURN_RATE = 115  # 3, its rate of change
+MEAN_RATE = 115  # 3, the same over the last `ACCELERATION_TIME`
 STATE_SIZE = 118
 
 ACCELERATION_TIME = 0.2
-"""Time over which the acceleration is averaged that a delay is multiplied by, s: vibration in
-single samples would pull an estimated delay towards nothing."""
+"""Time over which acceleration and rate are averaged that a delay is multiplied by, s: noise of
+single samples would make a delay look observable, and bias it towards zero."""
 
 # Settings, `cfg`.
 FIXED_PLACE = 0  # 1: latitude and height are known and do not change

@@ -137,7 +137,11 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
         else:
             acceleration = three(state, layout.MEAN_ACCELERATION)
             if aid[layout.A_RATE_NOW] != 0.0:
-                swing = add(cross(three(state, layout.TURN_RATE), lever), cross(w, arm))
+                mean = three(state, layout.MEAN_RATE)
+                # Of an average that follows with a time constant, the rate of change.
+                change = axpy(-1.0, mean, three(state, layout.RATE_B))
+                faster = axpy(1.0 / layout.ACCELERATION_TIME, change, (0.0, 0.0, 0.0))
+                swing = add(cross(faster, lever), cross(mean, cross(mean, lever)))
                 acceleration = add(acceleration, qrotate(q, swing))
             value = axpy(-tau, acceleration, v_l)
             change = acceleration
@@ -265,23 +269,25 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
             turn = three(est, at_mount)
         mount = qmul(four(aid, layout.A_MOUNT), qexp(turn))
         measured = three(row, layout.M_VALUE)
-        swing = three(state, layout.TURN_RATE)
+        mean = three(state, layout.MEAN_RATE)
         if kind == layout.ATTITUDE_FIX:
             # The master's attitude is East-North-Up; here it is turned into the wander frame.
             ce, se = 1.0, 0.0
             if not fixed:
                 ce, se = east_in_frame(four(state, layout.QUAT_NE))
-            north = qexp((0.0, 0.0, math.atan2(se, ce)))
-            other = qmul(qmul(north, qexp(measured)), mount)
+            to_frame = qexp((0.0, 0.0, math.atan2(se, ce)))
+            other = qmul(qmul(to_frame, qexp(measured)), mount)
             none = (0.0, 0.0, 0.0)
-            before = qmul(q, qexp(axpy(-tau, w, none)))
-            c = quat_to_matrix(before)
+            slow = axpy(-1.0, qrotate(qconj(q), earth), mean)
+            valid = qmul(q, qexp(axpy(-tau, slow, none)))
+            c = quat_to_matrix(valid)
             # The logarithm of the inverse: phi is that of an estimate I - [phi x].
-            value = qlog(qmul(other, qconj(before)))
-            change = axpy(-1.0, qrotate(q, w), none)
+            value = qlog(qmul(other, qconj(valid)))
+            change = axpy(-1.0, qrotate(q, slow), none)
         else:
-            change = swing
-            value = axpy(-1.0, qrotate(qconj(mount), measured), axpy(-tau, swing, rate_b))
+            change = axpy(-1.0, mean, three(state, layout.RATE_B))
+            change = axpy(1.0 / layout.ACCELERATION_TIME, change, (0.0, 0.0, 0.0))
+            value = axpy(-1.0, qrotate(qconj(mount), measured), axpy(-tau, change, rate_b))
         for i in range(3):
             z[i] = value[i]
             unit = (1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0)

@@ -104,7 +104,9 @@ def take_sample(state, survey, est, at, cfg, options, t, part, a, f, inside):
         turn = (0.0, 0.0, 0.0)
     ahead = (state[layout.CONSUMED] + part - 0.5) * t
     put_three(state, layout.RATE_NOW, axpy(ahead, turn, scale(1.0 / h, ta)))
-    put_three(state, layout.TURN_RATE, turn)
+    weight = h / (layout.ACCELERATION_TIME + h) if state[layout.SAMPLES] > 0.0 else 1.0
+    for c in range(3):
+        state[layout.MEAN_RATE + c] += weight * (ta[c] / h - state[layout.MEAN_RATE + c])
     rows = quat_to_matrix(qmul(q, qexp(scale(0.5, ta))))
     if cfg[layout.FIXED_PLACE] == 0.0:
         q, v, p, height, pull, force = advance(

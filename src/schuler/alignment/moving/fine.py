@@ -253,7 +253,7 @@ def fine(
 def iterate(
     record: ImuRecord, start: Nominal, layout: Layout, measured: Sequence[Measurement],
     build: Callable[[Nominal, Array, bool], ErrorStateFilter], *, nominal: Nominal | None = None,
-    correct: bool = True, budget: bool = True,
+    correct: bool = True, budget: bool = True, most: int = _MOST_PASSES,
 ) -> FineAlignment:  # fmt: skip
     """Repeat passes of a filter from its own smoothed start until that no longer moves.
 
@@ -273,6 +273,8 @@ def iterate(
         Let a pass correct its navigation once the heading is known.
     budget : bool
         Divide the last pass's covariance by source.
+    most : int
+        Passes at most.
 
     Raises
     ------
@@ -289,7 +291,7 @@ def iterate(
         step = _difference(layout, nominal, begin.nominal)
         sigma = np.sqrt(np.maximum(np.diag(begin.covariance), 1e-300))
         moved = float(np.max(np.abs(step / sigma)))
-        if (passes >= 2 and moved < _STILL) or passes == _MOST_PASSES:
+        if (passes >= 2 and moved < _STILL) or passes == most:
             break
         nominal = begin.nominal
     end, parts = filtered_end(flt)
