@@ -38,6 +38,7 @@ from schuler.ins import (
     instrument_prior,
 )
 from schuler.navigation.aid_checks import check_clock, check_speed, inside
+from schuler.navigation.aid_estimates import WITHHELD
 from schuler.navigation.aid_measurements import (
     AIDS,
     Aid,
@@ -47,7 +48,7 @@ from schuler.navigation.aid_measurements import (
     left_out,
     measurements_of,
 )
-from schuler.navigation.aided_result import OUTPUT, WITHHELD, AidedNavigation, finished
+from schuler.navigation.aided_result import OUTPUT, AidedNavigation, finished
 from schuler.navigation.motion_start import motion_start
 from schuler.navigation.navigator import Start
 from schuler.navigation.outages import Outages
