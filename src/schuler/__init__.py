@@ -42,7 +42,7 @@ from schuler._version import __version__
 _EXPORTS = {
     "schuler.alignment": (
         "Aligner", "Alignment", "Analytic", "Auto", "KalmanAlignment", "Gyrocompass", "Inertial",
-        "align", "align_windows", "align_without_latitude", "compare", "limit",
+        "align", "align_windows", "align_without_latitude", "compare", "limit", "limit_on",
     ),
     "schuler.allan_variance": ("allan", "fit_noise"),
     "schuler.calibration": ("Calibration", "calibrate_poses", "calibrate_systematic"),
@@ -80,6 +80,7 @@ if TYPE_CHECKING:
     from schuler.alignment import align_without_latitude as align_without_latitude
     from schuler.alignment import compare as compare
     from schuler.alignment import limit as limit
+    from schuler.alignment import limit_on as limit_on
     from schuler.allan_variance import allan as allan
     from schuler.allan_variance import fit_noise as fit_noise
     from schuler.calibration import Calibration as Calibration

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from schuler.aiding import CLOCKS, BodySpeed, GnssFixes, no_overlap
+from schuler.aiding.checks import check_speed, inside
 from schuler.aiding.consistency import consistency
 from schuler.constants import DEG
 from schuler.errors import InputError
 from schuler.io import read_gnss
-from schuler.navigation.aid_checks import check_speed, inside
 from schuler.record import ImuRecord
 
 RADIUS = 6.37e6

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from schuler.aiding import BodyVelocity, HeadingFixes, Height, ZeroRate
+from schuler.aiding.checks import check_clock
 from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
 from schuler.constants import DEG
 from schuler.errors import InputError
 from schuler.navigation import navigate_aided
-from schuler.navigation.aid_checks import check_clock
 from schuler.navigation.aid_measurements import aid_noise, aid_priors
 from tests.conftest import chi_square_band
 from tests.navigation.test_aided import QUIET, SPEC, drive

@@ -1,8 +1,8 @@
-"""Finding the attitude of a stationary vehicle, with its uncertainty."""
+"""Finding the attitude of a vehicle, at rest or in motion, with its uncertainty."""
 
 from __future__ import annotations
 
-from schuler.alignment.aligner import Aligner, align
+from schuler.alignment.aligner import Aligner
 from schuler.alignment.bound import Limit, Position, limit, load_positions, position_limit
 from schuler.alignment.compare import Comparison, compare
 from schuler.alignment.convergence import Convergence, convergence
@@ -19,8 +19,11 @@ from schuler.alignment.methods import (
     KalmanAlignment,
     parse_method,
 )
+from schuler.alignment.moving.path_bound import PathLimit, limit_on, planned_fixes, record_on
+from schuler.alignment.moving.result import MovingAlignment
 from schuler.alignment.next_position import Fixture, Suggestion, suggest_position
 from schuler.alignment.result import Alignment
+from schuler.alignment.run import align
 from schuler.alignment.session import LiveSession
 from schuler.alignment.stationary.disturbance import Residual, residual
 from schuler.alignment.stationary.error_formulas import (
@@ -52,6 +55,8 @@ __all__ = [
     "LiveAligner",
     "LiveSession",
     "Method",
+    "MovingAlignment",
+    "PathLimit",
     "Position",
     "Problem",
     "Residual",
@@ -67,10 +72,13 @@ __all__ = [
     "inertial_error",
     "inertial_frame_error",
     "limit",
+    "limit_on",
     "limit_table",
     "load_positions",
     "parse_method",
+    "planned_fixes",
     "position_limit",
+    "record_on",
     "residual",
     "suggest_position",
 ]

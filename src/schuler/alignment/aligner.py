@@ -1,4 +1,4 @@
-"""`Aligner`: chunks in, an alignment out at any time; `align` is one update."""
+"""`Aligner`: chunks in, an alignment out at any time."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from schuler.alignment.gravity_uncertainty import with_gravity_uncertainty
 from schuler.alignment.history import History
 from schuler.alignment.method import Estimate, Method, Problem
 from schuler.alignment.methods import parse_method
+from schuler.alignment.moving.notice import moving_notice
 from schuler.alignment.result import Alignment
 from schuler.alignment.stationary.optimal import Linearisation
 from schuler.attitude import nearest_quat
@@ -23,11 +24,10 @@ from schuler.constants import ARCMIN
 from schuler.earth import Site
 from schuler.errors import InputError, expect
 from schuler.kernels.states import TrackerState
-from schuler.record import ImuRecord, Reading, Summariser, without_spikes
-from schuler.record.spikes import spikes_warning
+from schuler.record import ImuRecord, Reading, Summariser
 from schuler.sensors import ImuSpec, SensorArray, load_array, load_spec
 
-__all__ = ["Aligner", "align"]
+__all__ = ["HOW_RECORD", "Aligner"]
 
 Array = NDArray[np.float64]
 
@@ -318,6 +318,9 @@ class Aligner:
                     "sigma and limit was scaled down to what the record shows"
                 )
         sigma = float(np.sqrt(covariance[2, 2])) / ARCMIN
+        if sigma > 600.0 or contradictions:
+            notice = moving_notice(h)
+            warnings += [] if notice is None else [notice]
         if sigma > 600.0:
             warnings.append(
                 f"sigma of the heading is {sigma / 60:.0f} deg: this record, or this instrument, "
@@ -347,50 +350,3 @@ class Aligner:
             filter_history=found.filter_history,
             inputs={"record": self._name},
         )
-
-
-def align(
-    record: ImuRecord,
-    site: Site,
-    method: Method | str | None = None,
-    spec: ImuSpec | str | Path | None = None,
-    *,
-    at: str = "end",
-    array: SensorArray | str | None = None,
-) -> Alignment:
-    """Align a record: attitude and heading with a consistent uncertainty.
-
-    Parameters
-    ----------
-    record : ImuRecord
-        A stationary, possibly disturbed vehicle.
-    site : Site
-        Latitude and height.
-    method : Method or str, optional
-        `Auto()` by default.
-    spec : ImuSpec, str or path, optional
-        The instrument, for the parts of the uncertainty that the record cannot show.
-    at : {"end", "start"}
-        The instant of the attitude.
-    array : SensorArray or str, optional
-        Geometry of redundant gyros.
-
-    Raises
-    ------
-    InputError
-        See `Aligner`.
-
-    Examples
-    --------
-    >>> fix = align(record, Site(34.246, 108.910, 380), spec="navigation-rlg")  # doctest: +SKIP
-    >>> print(fix)  # doctest: +SKIP
-    """
-    expect(record, ImuRecord, "record", HOW_RECORD)
-    said: list[str] = []
-    if record.quality is None and record.dtheta.shape[1] == record.dvel.shape[1] == 3:
-        # A record that was read has been looked through already.
-        record, spikes = without_spikes(record)
-        said = [spikes_warning(spikes)] if spikes else []
-    return (
-        Aligner(site, method, spec, at=at, array=array).update(record).solution().noting(said, {})
-    )

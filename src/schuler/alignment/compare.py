@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from schuler._notebook import Shown
-from schuler.alignment.aligner import align
 from schuler.alignment.convergence import convergence
 from schuler.alignment.methods import (
     METHODS,
     parse_method,
 )
 from schuler.alignment.result import Alignment
+from schuler.alignment.run import align
 from schuler.alignment.windows import align_windows
 from schuler.earth import Site
 from schuler.errors import InputError, SchulerError

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler import __version__
+from schuler.cli.align_moving import align_in_motion, motion_options, motion_taken
 from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
 from schuler.cli.common import (
     emit_json,
@@ -86,17 +87,19 @@ __all__ = ["command"]
 @click.option(
     "--find-latitude", is_flag=True, help="Find the latitude too; --lat is not needed then."
 )
+@motion_options
 @click.option("--follow", is_flag=True, help="Read on while the file (or - ) grows, live.")
 @click.option("--idle", type=Seconds(0.0), help="With --follow: end after so long without data.")
 @json_option()
 @report_option("Write an interactive report.")
 def command(**options: Any) -> int:
-    """Find the heading, pitch and roll of a stationary vehicle from FILE (- : standard input).
+    """Find heading, pitch and roll from FILE (- : standard input), at rest or with aids in motion.
 
     \b
       schuler align truck.imu --lat 34.246 --lon 108.91 --height 380
       schuler align truck.csv --gyro deg/s --accel g --axes FRD --lat 48.1 --report truck.html
       schuler align truck.imu --spec navigation-rlg --windows 100s --at start --json -
+      schuler align drive.csv --gnss car.pos --estimate delay --from +30s --to +90s
     """  # noqa: D301
     from schuler.alignment import (
         Aligner,
@@ -115,7 +118,18 @@ def command(**options: Any) -> int:
         raise InputError("--follow aligns all that comes: leave out --windows, --start and --stop")
     if idle is not None and not follow:
         raise InputError("--idle goes with --follow")
-    if options.pop("find_latitude"):
+    latitude_too, aids = options.pop("find_latitude"), motion_taken(options)
+    if aids is not None:
+        if latitude_too or follow or window is not None or name != "auto" or prefilter is not None:
+            raise InputError(
+                "an alignment in motion has a method of its own: leave out --method, --prefilter, "
+                "--windows, --find-latitude and --follow beside --gnss, --odometer and --dvl"
+            )
+        return align_in_motion(
+            options, aids, spec, at, (start, stop), (json_to, report_to), calibration_from,
+            _with_source,
+        )  # fmt: skip
+    if latitude_too:
         if follow or window is not None or name != "auto" or prefilter is not None:
             raise InputError(
                 "--find-latitude has a method of its own: leave out --method, --prefilter, "

@@ -136,11 +136,12 @@ reading_options = _stack(
             help="The accelerometers' topic, where --topic holds the gyros alone.",
         ),
         click.option(
-            "--start", type=RecordTime(),
+            "--start", "--from", "start", type=RecordTime(),
             help="Use the record from this time on: 100s by its clock, +60s from its first row.",
         ),
         click.option(
-            "--stop", type=RecordTime(), help="Use the record up to this time, said likewise.",
+            "--stop", "--to", "stop", type=RecordTime(),
+            help="Use the record up to this time, said likewise.",
         ),
         click.option(
             "--keep-spikes", is_flag=True,

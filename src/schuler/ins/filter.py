@@ -353,6 +353,25 @@ class ErrorStateFilter:
     # -- results -----------------------------------------------------------------------
 
     @property
+    def feedback(self) -> bool:
+        """Whether the navigation is corrected after each epoch; may be changed between chunks."""
+        return bool(self._cfg[kernel.FEEDBACK])
+
+    @feedback.setter
+    def feedback(self, on: bool) -> None:
+        self._cfg[kernel.FEEDBACK] = on
+
+    @property
+    def frame(self) -> Array:
+        """Position as the quaternion from n to the Earth's axes, (4,), without the known error."""
+        return self._state[kernel.QUAT_NE : kernel.QUAT_NE + 4].copy()
+
+    @property
+    def height(self) -> float:
+        """Height, m, without the known error."""
+        return float(self._state[kernel.HEIGHT])
+
+    @property
     def smooths(self) -> bool:
         """Whether it keeps what `smoothed` needs."""
         return bool(len(self._chain))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.aiding import BodySpeed, BodyVelocity, GnssFixes, HeadingFixes, Height, ZeroRate
+from schuler.aiding.checks import check_speed, inside
 from schuler.attitude import quat_to_matrix, rotvec_to_quat
 from schuler.errors import InputError
 from schuler.ins import BodyVelocity as VelocityRows
@@ -17,7 +18,6 @@ from schuler.ins import GroupNoise, Handling, Measurement
 from schuler.ins import Heading as HeadingRows
 from schuler.ins import Height as HeightRows
 from schuler.ins import ZeroRate as ZeroRateRows
-from schuler.navigation.aid_checks import check_speed, inside
 from schuler.record import ImuRecord
 
 __all__ = ["AIDS", "Aid", "DopplerRows", "aid_noise", "aid_priors", "left_out", "measurements_of"]

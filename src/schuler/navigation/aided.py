@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.aiding import BodySpeed, GnssFixes, Rests, find_rest, no_overlap
+from schuler.aiding.checks import check_clock, check_speed, inside
 from schuler.constants import DEG, DEG_PER_HOUR
 from schuler.earth import Site
 from schuler.ins import (
@@ -37,7 +38,6 @@ from schuler.ins import (
     instrument_noise,
     instrument_prior,
 )
-from schuler.navigation.aid_checks import check_clock, check_speed, inside
 from schuler.navigation.aid_estimates import WITHHELD
 from schuler.navigation.aid_measurements import (
     AIDS,
@@ -53,7 +53,7 @@ from schuler.navigation.motion_start import motion_start
 from schuler.navigation.navigator import Start
 from schuler.navigation.outages import Outages
 from schuler.record import ImuRecord
-from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
+from schuler.sensors import CONSUMER_MEMS, ImuSpec
 
 __all__ = ["AidingOptions", "navigate_aided"]
 
@@ -78,11 +78,7 @@ _COARSE = 30.0 * DEG_PER_HOUR
 """A gyro with a larger bias is started from what it reads at rest: the Earth's rate is less."""
 
 #: what a record without a specification is taken for
-UNSPECIFIED = ImuSpec(
-    GyroSpec(bias=0.3 * DEG, angle_random_walk=2.0 * DEG / 60.0, rate_random_walk=2e-5),
-    AccelerometerSpec(bias=0.2, velocity_random_walk=_VIBRATION, acceleration_random_walk=5e-4),
-    name="a MEMS of consumer grade (assumed)",
-)
+UNSPECIFIED = CONSUMER_MEMS
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,6 +44,27 @@ class Fix(Protocol):
     @property
     def budget(self) -> dict[str, Array]:
         """Its parts by source."""
+
+
+@runtime_checkable
+class MovingFix(Protocol):
+    """What a start needs of an alignment in motion."""
+
+    @property
+    def site(self) -> Site:
+        """Where the vehicle was."""
+
+    @property
+    def quat_nb(self) -> Array:
+        """quat_nb, (4,)."""
+
+    @property
+    def v_n(self) -> Array:
+        """East, north, up, m/s, (3,)."""
+
+    @property
+    def start_covariance(self) -> Array:
+        """Of phi, velocity and position, (9, 9)."""
 
 
 def frame_of(lat: float, lon: float) -> Array:
@@ -87,8 +108,39 @@ class Start:
         return cls(site, euler_to_quat([psi, pitch * DEG, roll * DEG]), velocity)
 
     @classmethod
-    def from_alignment(cls, site: Site, fix: Fix, velocity: ArrayLike = (0.0, 0.0, 0.0)) -> Start:
-        """Make a start from an alignment's attitude and covariance."""
+    def from_alignment(
+        cls, site: Site | MovingFix, fix: Fix | None = None, velocity: ArrayLike = (0.0, 0.0, 0.0)
+    ) -> Start:
+        """Make a start from an alignment's attitude and covariance.
+
+        Parameters
+        ----------
+        site : Site or MovingAlignment
+            Where the vehicle stands; an alignment in motion alone knows place and velocity.
+        fix : Alignment, optional
+            At rest; an alignment in motion gives its velocity, too.
+        velocity : (3,) array_like
+            East, north, up, m/s, beside an alignment at rest.
+
+        Raises
+        ------
+        InputError
+            If place or alignment is missing.
+
+        Examples
+        --------
+        >>> Start.from_alignment(site, fix)  # doctest: +SKIP
+        >>> Start.from_alignment(moving)  # doctest: +SKIP
+        """
+        if isinstance(site, MovingFix):
+            return cls(site.site, site.quat_nb, site.v_n, site.start_covariance)
+        if isinstance(fix, MovingFix):
+            return cls(site, fix.quat_nb, fix.v_n, fix.start_covariance)
+        if fix is None or not isinstance(site, Site):
+            raise InputError(
+                "a start from an alignment at rest needs its place, too: say "
+                "Start.from_alignment(site, fix)"
+            )
         cov = np.zeros((9, 9))
         # Deflection tilts the attitude and the force alike: no velocity comes of it.
         known = fix.budget.get("gravity", np.zeros((3, 3)))

@@ -6,10 +6,18 @@ from dataclasses import replace
 from html import escape
 from pathlib import Path
 
-from schuler.alignment import Alignment, LatitudeFix, Windows, convergence, residual
+from schuler.alignment import (
+    Alignment,
+    LatitudeFix,
+    MovingAlignment,
+    Windows,
+    convergence,
+    residual,
+)
 from schuler.constants import ARCMIN
 from schuler.errors import expect
 from schuler.reports import figures
+from schuler.reports.moving import moving_sections
 from schuler.reports.page import Drawing, Section, contradiction_box, definition_table, write_page
 from schuler.trajectory import Trajectory
 
@@ -54,10 +62,13 @@ def report(result: Alignment | Windows | LatitudeFix | Trajectory, path: str | P
     )  # fmt: skip
     assert isinstance(fix, Alignment)
     name = fix.inputs.get("record", "record")
-    sections = [_convergence(fix)]
-    if windows is not None:
-        sections.append(_windows(windows))
-    sections += [_budget(fix), _raw(fix), _residuals(fix), _tables(fix)]
+    if isinstance(fix, MovingAlignment):
+        sections = [*moving_sections(fix), _budget(fix), _tables(fix)]
+    else:
+        sections = [_convergence(fix)]
+        if windows is not None:
+            sections.append(_windows(windows))
+        sections += [_budget(fix), _raw(fix), _residuals(fix), _tables(fix)]
     write_page(path, f"Alignment of {name}: {fix.headline()}", _headline(fix, name), sections)
     return Path(path)
 

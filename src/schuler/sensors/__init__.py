@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from schuler.sensors.array import ARRAYS, AxesFit, SensorArray, fit_axes, load_array, named_array
+from schuler.sensors.assumed import CONSUMER_MEMS
 from schuler.sensors.design import Mounting, design_array
 from schuler.sensors.draw import Imperfections, draw
 from schuler.sensors.errors import GRADES, AccelerometerSpec, GyroSpec, ImuSpec, load_spec
@@ -22,6 +23,7 @@ from schuler.sensors.reliability import Lifetime, Reliability
 
 __all__ = [
     "ARRAYS",
+    "CONSUMER_MEMS",
     "GRADES",
     "AccelerometerSpec",
     "ArrayFigures",

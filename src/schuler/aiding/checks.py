@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.aiding import BodySpeed, GnssFixes, no_overlap
+from schuler.aiding.clock import no_overlap
+from schuler.aiding.gnss import GnssFixes
+from schuler.aiding.speed import BodySpeed
 from schuler.errors import InputError
 from schuler.record import ImuRecord
 

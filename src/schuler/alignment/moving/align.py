@@ -1,0 +1,343 @@
+"""`align_moving`: a record and its aids in, an alignment with its uncertainty out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.aiding import BodySpeed, GnssFixes
+from schuler.aiding.checks import check_speed
+from schuler.alignment.history import History
+from schuler.alignment.moving.body import body_rows
+from schuler.alignment.moving.coarse import ENOUGH, CoarseAlignment, coarse, missing
+from schuler.alignment.moving.fine import FineAlignment, filtered_end, fine, run_pass
+from schuler.alignment.moving.result import InMotion, MovingAlignment
+from schuler.alignment.moving.series import (
+    Series,
+    body_velocity_series,
+    position_series,
+    velocity_series,
+)
+from schuler.alignment.moving.setup import Aid, Nominal, make_filter, measurements
+from schuler.alignment.moving.span import (
+    bias_at_rest,
+    common_span,
+    cut_span,
+    place_at_start,
+)
+from schuler.attitude import nearest_quat, quat_to_matrix
+from schuler.constants import DEG
+from schuler.earth import Site, radii
+from schuler.errors import InputError, expect
+from schuler.ins import Measurement
+from schuler.record import ImuRecord, Summariser
+from schuler.sensors import CONSUMER_MEMS, ImuSpec, load_spec
+
+__all__ = ["align_moving"]
+
+Array = NDArray[np.float64]
+
+_PASSES = 4
+"""Over a body velocity, whose path is not known at first."""
+
+_VIBRATION = (0.003, 0.01, 0.03, 0.1)
+"""Velocity random walks that are tried until the innovations agree, m/s/sqrt(s)."""
+
+_NOISIER = 1.2
+"""A record that has so much more noise than its specification is one of a vehicle that vibrates."""
+
+_AGREES = 1.3
+"""Mean squared normalised innovation up to which the noise is what it was said to be."""
+
+_WRONG = 3.0
+"""The same, beyond which record and aids contradict each other."""
+
+_REFUSED = 0.3
+"""Share of refused measurements that contradicts."""
+
+
+def align_moving(
+    record: ImuRecord, aiding: Aid | Sequence[Aid], site: Site | None = None,
+    spec: ImuSpec | str | Path | None = None, *, span: tuple[float | None, float | None] | None
+    = None, at: str = "end", vibration: float | None = None,
+) -> MovingAlignment:  # fmt: skip
+    """Align a vehicle that moves by what else was measured of its motion.
+
+    Parameters
+    ----------
+    record : ImuRecord
+        What lies before the span shows the gyro bias where the vehicle stood still.
+    aiding : GnssFixes, BodySpeed, or a sequence of them
+        On the record's clock.
+    site : Site, optional
+        Where the vehicle is at the start of the span; needed without GNSS fixes.
+    spec : ImuSpec, str or path, optional
+        The instrument; a MEMS of consumer grade when not given.
+    span : (float or None, float or None), optional
+        Begin and end, s in the record's time; the whole record when not given.
+    at : {"end", "start"}
+        The instant of the attitude.
+    vibration : float, optional
+        Least velocity random walk on the vehicle, m/s/sqrt(s); when not given, that of the
+        samples' own scatter, or the least one with which the innovations agree with their sigma.
+
+    Raises
+    ------
+    InputError
+        If record and aids have no common span, or the span shows no heading; it says what is
+        missing.
+    """
+    expect(record, ImuRecord, "record", "read a file with schuler.read")
+    aids = [aiding] if isinstance(aiding, Aid) else list(aiding)
+    if not aids:
+        raise InputError("an alignment in motion needs aids: give GnssFixes or a BodySpeed")
+    for aid in aids:
+        if not isinstance(aid, Aid):
+            raise InputError(
+                f"aiding takes GnssFixes and BodySpeed, got {type(aid).__name__}: read a file "
+                "with schuler.io.read_gnss or read_speed"
+            )
+    if at not in ("start", "end"):
+        raise InputError(f"at must be start or end, got '{at}'")
+    if vibration is not None and not (np.isfinite(vibration) and vibration >= 0.0):
+        raise InputError(f"vibration must be 0 or more, got {vibration}")
+    instrument = load_spec(spec)
+    warnings = []
+    if instrument is None:
+        instrument = CONSUMER_MEMS
+        warnings.append(
+            f"no instrument specification was given: taken for {instrument.name} (say --spec)"
+        )
+    whole = cut_span(record, span)
+    leader = next((aid for aid in aids if isinstance(aid, GnssFixes)), aids[0])
+    part = common_span(whole, leader)
+    for aid in aids:
+        if isinstance(aid, BodySpeed) and isinstance(leader, GnssFixes):
+            check_speed(aid, leader)
+    bias, used_spec = bias_at_rest(record, part, leader, instrument)
+    prepared = _Prepared(part, leader, aids, used_spec, bias, place_at_start(leader, part, site))
+    first, rough = prepared.coarse()
+    found, measured, noise, square = prepared.fine(rough, first, vibration)
+    return _result(prepared, rough, found, measured, noise, square, instrument, warnings, at)
+
+
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    """A span, its aids and what is assumed of the instrument."""
+
+    record: ImuRecord
+    leader: Aid
+    aids: list[Aid]
+    spec: ImuSpec
+    bias: Array
+    site: Site
+
+    def _series(self) -> tuple[Series, Aid]:
+        """Return the series of the leader, and its measurements within the span."""
+        turned = self.record.dtheta - self.bias * self.record.dt[:, None]
+        record = replace(self.record, dtheta=turned)
+        leader = self.leader
+        delay = leader.delay if isinstance(leader, GnssFixes) else 0.0
+        due = np.asarray(leader.time) - delay
+        inside = (due >= record.start - 1e-9) & (due <= record.end + 1e-9)
+        if isinstance(leader, GnssFixes):
+            cut: Aid = leader.rows(inside)
+        else:
+            value = np.asarray(leader.value)[inside]
+            cut = replace(leader, time=np.asarray(leader.time)[inside], value=value)
+        rows = body_rows(record, due[inside])
+        if isinstance(cut, BodySpeed):
+            return body_velocity_series(rows, cut, self.site), cut
+        make = position_series if cut.v_n is None else velocity_series
+        return make(rows, cut), cut
+
+    def coarse(self) -> tuple[Aid, CoarseAlignment]:
+        """Return the leader without what does not agree, and the attitude at the start."""
+        leader = self.leader
+        late = isinstance(leader, GnssFixes) and "delay" in leader.estimate
+        here = self
+        total = 0.0
+        for _ in range(2 if late else 1):
+            series, cut = here._series()
+            found = here._solved(series, cut, late)
+            if late:
+                assert isinstance(here.leader, GnssFixes)
+                total += found.delay
+                moved = replace(here.leader, delay=here.leader.delay + found.delay)
+                here = replace(here, leader=moved)
+        if found.heading_sigma > ENOUGH or not np.isfinite(found.heading_sigma):
+            raise InputError(f"{leader.name}: {missing(found, series)}")
+        return cut, found
+
+    def _solved(self, series: Series, cut: Aid, late: bool) -> CoarseAlignment:
+        """Return the attitude at the start; residuals beyond their sigma widen it."""
+        place = (self.site.latitude, self.site.longitude)
+        none = np.eye(3), np.zeros((3, 3))
+        found, noise = None, 1.0
+        for _ in range(2):
+            found = coarse(
+                series, self.spec, place, self.record.start, *none, estimate_delay=late,
+                noise=noise,
+            )  # fmt: skip
+            if isinstance(cut, BodySpeed):
+                for _ in range(_PASSES - 1):
+                    series = body_velocity_series(series.rows, cut, self.site, found.mat_i0_ib0)
+                    found = coarse(series, self.spec, place, self.record.start, *none, noise=noise)
+            if found.ratio < _AGREES:
+                break
+            noise = found.ratio
+        assert found is not None
+        return found
+
+    def nominal(self, rough: CoarseAlignment) -> Nominal:
+        """Return where the filter starts: the first measurement, and the coarse attitude."""
+        quat = nearest_quat(rough.mat_nb)
+        lat, lon, height = self.site.latitude, self.site.longitude, self.site.height
+        leader, mat = self.leader, quat_to_matrix(quat)
+        rate = self.record.dtheta[0] / self.record.dt[0] - self.bias
+        arm = np.asarray(leader.lever, np.float64)
+        turning = mat @ np.cross(rate, arm)
+        if isinstance(leader, GnssFixes):
+            k = int(np.searchsorted(
+                np.asarray(leader.time) - leader.delay, self.record.start - 1e-9
+            ))  # fmt: skip
+            east, north, up = (float(x) for x in mat @ arm)
+            meridian, transverse = (float(r) for r in radii(lat))
+            lat -= north / (meridian + height)
+            lon -= east / ((transverse + height) * np.cos(lat))
+            height -= up
+            if leader.v_n is not None:
+                v_n = np.asarray(leader.v_n)[k] - turning
+            else:
+                place, time = leader.local(), np.asarray(leader.time)
+                v_n = (place[k + 1] - place[k]) / (time[k + 1] - time[k])
+        else:
+            k = int(np.searchsorted(np.asarray(leader.time), self.record.start - 1e-9))
+            v_n = mat @ leader.triples()[0][k] - turning
+        return Nominal(lat, lon, height, quat, v_n, {"gyro_bias": self.bias})
+
+    def _vibrations(self) -> list[float]:
+        """Return the velocity random walks to try: first that of the samples' own scatter."""
+        summariser = Summariser()
+        summariser.push(self.record)
+        seen = summariser.summary().noise_accel
+        first = seen if seen > _NOISIER * self.spec.accelerometer.white else 0.0
+        return [first, *(each for each in _VIBRATION if each > first)]
+
+    def fine(
+        self, rough: CoarseAlignment, cut: Aid, vibration: float | None
+    ) -> tuple[FineAlignment, list[Measurement], float, float]:
+        """Return the filter's result with the noise that its innovations agree with."""
+        aids: list[Aid] = [cut if aid is self.leader else aid for aid in self.aids]
+        measured = measurements(aids, self.record)
+        start = self.nominal(rough)
+        for noise in self._vibrations() if vibration is None else (vibration,):
+            found = fine(self.record, start, self.spec, noise, measured, aids)
+            square = _mean_square(found, measured)
+            if square < _AGREES:
+                break
+        return found, measured, noise, square
+
+
+def _mean_square(found: FineAlignment, measured: Sequence[Measurement]) -> float:
+    """Return the mean squared normalised innovation of what was taken."""
+    total, count = 0.0, 0
+    for aid in measured:
+        _, z, sigma, weight = found.filter.innovations(aid.label)
+        good = (sigma > 0.0) & (weight > 0.0)[:, None]
+        total += float(np.sum((z[good] / sigma[good]) ** 2))
+        count += int(good.sum())
+    return total / max(count, 1)
+
+
+def _result(
+    prepared: _Prepared, rough: CoarseAlignment, found: FineAlignment,
+    measured: list[Measurement], noise: float, square: float, spec: ImuSpec,
+    warnings: list[str], at: str,
+) -> MovingAlignment:  # fmt: skip
+    record = prepared.record
+    state = found.end if at == "end" else found.start
+    phi = state.covariance[:3, :3]
+    budget = (
+        {name: part for name, part in found.budget.items() if np.any(part)}
+        if at == "end" else {"all_sources": phi}
+    )  # fmt: skip
+    used, refused = {}, {}
+    contradictions = []
+    for aid in measured:
+        weight = found.filter.innovations(aid.label)[3]
+        used[aid.label], refused[aid.label] = int(np.sum(weight > 0)), int(np.sum(weight == 0))
+        total = len(weight)
+        if total and refused[aid.label] > _REFUSED * total:
+            contradictions.append(
+                f"{refused[aid.label]} of {total} measurements of {aid.label} were refused: the "
+                "record's axes and units, or their sigma, are not what they are said to be"
+            )
+    if square > _WRONG:
+        contradictions.append(
+            f"innovations are {np.sqrt(square):.2g} times their sigma: the instrument's noise, the "
+            "delay, the lever arm or the axes are not what they are said to be"
+        )
+    if found.moved > 1.0:
+        contradictions.append(
+            f"after {found.passes} passes the start still moves by {found.moved:.2g} sigma"
+        )
+    if noise > 0.0 and spec is not CONSUMER_MEMS:
+        warnings.append(
+            f"vibration: a velocity random walk of {noise:.2g} m/s/sqrt(s) was taken, "
+            f"beside {spec.accelerometer.white:.2g} of the specification"
+        )
+    for each in prepared.aids:
+        if isinstance(each, GnssFixes):
+            contradictions += each.contradictions()
+    summariser = Summariser()
+    summariser.push(record)
+    where = Site(state.lat / DEG, (state.lon / DEG + 180.0) % 360.0 - 180.0, state.height)
+    b, a = (state.layout[f"{name}_bias"] for name in ("gyro", "accelerometer"))
+    pick = [*range(b.start, b.stop), *range(a.start, a.stop)]
+    fix = MovingAlignment(
+        method=InMotion(rough.form, noise), site=where, start=record.start, end=record.end,
+        samples=len(record), at=at, quat_nb=state.quat_nb, covariance=np.asarray(phi),
+        budget=budget, bound=_bound(prepared, found, measured, at), warnings=tuple(warnings),
+        spec=spec, orthonormality=None, gyro_bias=state.parameters["gyro_bias"],
+        accel_bias=state.parameters["accelerometer_bias"],
+        bias_covariance=state.covariance[np.ix_(pick, pick)], history=_history(record),
+        summary=summariser.summary(),
+        inputs={"record": record.name}, state=state, coarse=rough, measured=tuple(measured),
+        used=used, refused=refused, passes=found.passes, mean_square=square,
+        epochs=found.filter.history(),
+        innovations={aid.label: found.filter.innovations(aid.label) for aid in measured},
+    )  # fmt: skip
+    contradicted = fix.contradicted(contradictions)
+    assert isinstance(contradicted, MovingAlignment)
+    return contradicted
+
+
+def _bound(
+    prepared: _Prepared, found: FineAlignment, measured: Sequence[Measurement], at: str
+) -> Array | None:
+    """Return the bound along the path that was found, with the specification's noise."""
+    flt = make_filter(
+        found.start.nominal, prepared.spec, 0.0, measured, prepared.aids, smooth=at == "start"
+    )
+    run_pass(flt, prepared.record)
+    if at == "start":
+        return np.asarray(flt.smoothed().covariance[0][:3, :3])
+    return np.asarray(filtered_end(flt)[0].covariance[:3, :3])
+
+
+def _history(record: ImuRecord) -> History:
+    from schuler.kernels import tracking
+    from schuler.kernels.states import TrackerState
+
+    state = TrackerState.begin()
+    nodes = np.zeros((tracking.NODE_CAPACITY, tracking.ROW))
+    tracking.track(
+        state.data, nodes, 1, float(not record.coning_corrected),
+        float(not record.sculling_corrected), record.time, record.dt, record.dtheta, record.dvel,
+    )  # fmt: skip
+    return History.from_state(state.data, nodes)

@@ -1,0 +1,243 @@
+"""Fine alignment in motion: the aided filter from the coarse attitude, twice or more.
+
+From a wide prior, corrections that are fed back break the linear model: a pass runs without
+feedback until its heading is known to two degrees. Its smoother then gives a better start, and the
+next pass is made about that, with the prior of the first: nothing is used twice. That is Gauss and
+Newton's iteration, and it ends when the start no longer moves.
+
+Source: Bell (1994), the iterated smoother as a Gauss-Newton method.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.alignment.moving.setup import Aid, Nominal, layout_of, make_filter
+from schuler.attitude import multiply, quat_to_rotvec, rotvec_to_quat
+from schuler.constants import DEG
+from schuler.earth import radii
+from schuler.ins import ErrorStateFilter, Layout, Measurement
+from schuler.ins.frames import east_angle, to_east_north_up
+from schuler.record import ImuRecord
+from schuler.sensors import ImuSpec
+
+__all__ = ["FineAlignment", "FineState", "fine"]
+
+Array = NDArray[np.float64]
+
+_KNOWN = 2.0 * DEG
+"""1-sigma of the heading from which on the filter corrects itself."""
+
+_CHUNK = 5.0
+"""How often that is looked at, s."""
+
+_MOST_PASSES = 8
+_STILL = 0.1
+"""A start that moves by less than so many sigma stays where it is."""
+
+_CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class FineState:
+    """What is known at one instant.
+
+    Parameters
+    ----------
+    time : float
+        s.
+    lat, lon, height : float
+        rad, m.
+    quat_nb, v_n : (4,), (3,) float64
+        East-North-Up.
+    layout : Layout
+        Of the covariance.
+    covariance : (n, n) float64
+        Of the error states; phi, velocity and position in East-North-Up.
+    parameters : dict of str to array
+    """
+
+    time: float
+    lat: float
+    lon: float
+    height: float
+    quat_nb: Array
+    v_n: Array
+    layout: Layout
+    covariance: Array
+    parameters: dict[str, Array]
+
+    @property
+    def nominal(self) -> Nominal:
+        """As the start of a pass."""
+        return Nominal(
+            self.lat, self.lon, self.height, self.quat_nb, self.v_n, dict(self.parameters)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class FineAlignment:
+    """Both ends of the span, and the filter of the last pass.
+
+    Parameters
+    ----------
+    start, end : FineState
+        Smoothed; filtered, which is the same there.
+    budget : dict of str to (3, 3) float64
+        Covariance of phi at the end by source, rad^2; empty where it was not asked for.
+    passes : int
+    moved : float
+        How far the last pass moved the start, in sigma.
+    filter : ErrorStateFilter
+    """
+
+    start: FineState
+    end: FineState
+    budget: dict[str, Array]
+    passes: int
+    moved: float
+    filter: ErrorStateFilter
+
+
+def run_pass(flt: ErrorStateFilter, record: ImuRecord) -> None:
+    """Feed a record; correct the navigation once the heading is known."""
+    begin = record.start
+    while begin < record.end - 1e-9:
+        chunk = record.between(begin, begin + _CHUNK)
+        begin += _CHUNK
+        if not len(chunk):
+            continue
+        flt.update(chunk)
+        if not flt.feedback and flt.covariance[2, 2] < _KNOWN**2:
+            flt.feedback = True
+
+
+def _moved_place(lat: float, lon: float, height: float, off: Array) -> tuple[float, float, float]:
+    """Return a place less an error east, north, up (3,), m."""
+    meridian, transverse = (float(r) for r in radii(lat))
+    east, north, up = (float(x) for x in off)
+    return (
+        lat - north / (meridian + height), lon - east / ((transverse + height) * np.cos(lat)),
+        height - up,
+    )  # fmt: skip
+
+
+def _difference(layout: Layout, one: Nominal, other: Nominal) -> Array:
+    """Return the error state (n,) that a nominal has where the truth is another."""
+    x = np.zeros(layout.size)
+    x[:3] = -quat_to_rotvec(multiply(one.quat_nb, other.quat_nb * _CONJUGATE))
+    x[layout["velocity"]] = one.v_n - other.v_n
+    meridian, transverse = (float(r) for r in radii(one.lat))
+    x[layout["position"]] = [
+        (one.lon - other.lon) * (transverse + one.height) * np.cos(one.lat),
+        (one.lat - other.lat) * (meridian + one.height), one.height - other.height,
+    ]  # fmt: skip
+    for name in layout:
+        if name in ("phi", "velocity", "position"):
+            continue
+        place = layout[name]
+        size = place.stop - place.start
+        change = one.parameters.get(name, np.zeros(size)) - other.parameters.get(
+            name, np.zeros(size)
+        )
+        x[place] = np.where(layout.sign[place] < 0.0, 1.0, -1.0) * change
+    return x
+
+
+def _smoothed_start(flt: ErrorStateFilter, before: Nominal, time: float) -> FineState:
+    """Return what the smoother says of the start of a pass."""
+    s = flt.smoothed()
+    layout = flt.layout
+    error = s.error[0]
+    lat, lon, height = _moved_place(
+        before.lat, before.lon, before.height, error[layout["position"]]
+    )
+    # At the start the wander frame is East-North-Up.
+    parameters = {}
+    for name in layout:
+        if name in ("phi", "velocity", "position"):
+            continue
+        place = layout[name]
+        sign = np.where(layout.sign[place] < 0.0, -1.0, 1.0)
+        old = before.parameters.get(name, np.zeros(place.stop - place.start))
+        parameters[name] = old + sign * error[place]
+    quat = np.asarray(multiply(rotvec_to_quat(error[:3]), before.quat_nb))
+    return FineState(
+        time, lat, lon, height, quat, before.v_n - error[layout["velocity"]], layout,
+        s.covariance[0], parameters,
+    )  # fmt: skip
+
+
+def filtered_end(flt: ErrorStateFilter) -> tuple[FineState, dict[str, Array]]:
+    """Return what the filter has at its last sample, and phi's covariance by source."""
+    layout = flt.layout
+    lat, lon, angle = (float(a[0]) for a in east_angle(flt.frame[None]))
+    turn = to_east_north_up(angle)
+    whole = np.eye(layout.size)
+    for group in ("phi", "velocity", "position"):
+        whole[layout[group], layout[group]] = turn
+    x = flt.error_state
+    place = _moved_place(lat, lon, flt.height, turn @ x[layout["position"]])
+    quat = multiply(rotvec_to_quat(np.array([0.0, 0.0, -angle])), flt.quat_nb)
+    parameters = {
+        name: flt.parameter(name) for name in layout
+        if name not in ("phi", "velocity", "position")
+    }  # fmt: skip
+    budget = {name: turn @ part[:3, :3] @ turn.T for name, part in flt.budget.items()}
+    state = FineState(
+        flt.time, *place, np.asarray(quat), turn @ flt.v_n, layout,
+        whole @ flt.covariance @ whole.T, parameters,
+    )  # fmt: skip
+    return state, budget
+
+
+def fine(
+    record: ImuRecord, start: Nominal, spec: ImuSpec, vibration: float,
+    measured: Sequence[Measurement], aids: Sequence[Aid], *, budget: bool = True,
+) -> FineAlignment:  # fmt: skip
+    """Return the attitude at both ends of a record.
+
+    Parameters
+    ----------
+    record : ImuRecord
+        The span; a measurement may be at its very start.
+    start : Nominal
+        With the coarse attitude; the prior's mean.
+    spec : ImuSpec
+    vibration : float
+        Least velocity random walk, m/s/sqrt(s).
+    measured : sequence of Measurement
+    aids : sequence of GnssFixes or BodySpeed
+        They are from, for their priors.
+    budget : bool
+        Divide the last pass's covariance by source.
+    """
+    layout = layout_of(spec, measured)
+    nominal, passes, moved = start, 0, np.inf
+    while True:
+        passes += 1
+        flt = make_filter(
+            nominal, spec, vibration, measured, aids,
+            error_state=_difference(layout, nominal, start), smooth=True,
+        )  # fmt: skip
+        run_pass(flt, record)
+        begin = _smoothed_start(flt, nominal, record.start)
+        step = _difference(layout, nominal, begin.nominal)
+        sigma = np.sqrt(np.maximum(np.diag(begin.covariance), 1e-300))
+        moved = float(np.max(np.abs(step / sigma)))
+        if (passes >= 2 and moved < _STILL) or passes == _MOST_PASSES:
+            break
+        nominal = begin.nominal
+    end, parts = filtered_end(flt)
+    if budget:
+        last = make_filter(
+            nominal, spec, vibration, measured, aids,
+            error_state=_difference(layout, nominal, start), budget=True,
+        )  # fmt: skip
+        run_pass(last, record)
+        end, parts = filtered_end(last)
+    return FineAlignment(begin, end, parts, passes, moved, flt)

@@ -1,0 +1,180 @@
+"""The Cramér-Rao bound of an alignment in motion: the filter's covariance along a path.
+
+Rows of measurements and transition are those of the path itself, so that nothing is linearised
+about an error; the start is as good as unknown, and the biases have the specification as their
+prior. No unbiased estimator of these measurements has less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.aiding import GnssFixes
+from schuler.alignment.moving.fine import filtered_end
+from schuler.alignment.moving.setup import Aid, Nominal, make_filter, measurements
+from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec
+from schuler.constants import ARCMIN
+from schuler.earth import earth_rate, gravity, transport_rate
+from schuler.errors import InputError
+from schuler.record import ImuRecord
+from schuler.sensors import ImuSpec, load_spec
+from schuler.trajectory import Trajectory
+
+__all__ = ["PathLimit", "limit_on", "planned_fixes", "record_on"]
+
+Array = NDArray[np.float64]
+
+
+def record_on(path: Trajectory) -> ImuRecord:
+    """Return the samples that a perfect instrument has along a path.
+
+    Parameters
+    ----------
+    path : Trajectory
+        With velocity and attitude, at the rate of the samples; between rows both change evenly.
+
+    Raises
+    ------
+    InputError
+        If velocity or attitude is missing, or there are fewer than three rows.
+    """
+    if len(path) < 3:
+        raise InputError(f"{path.name}: a path needs three rows at least")
+    quat, v = path.known("quat_nb"), path.known("v_n")
+    dt = np.diff(path.time)
+    lat, height = (0.5 * (x[1:] + x[:-1]) for x in (path.lat, path.height))
+    mean_v = 0.5 * (v[1:] + v[:-1])
+    earth = earth_rate(lat)
+    frame = earth + transport_rate(lat, height, mean_v[:, 0], mean_v[:, 1])
+    back = quat[:-1] * [1.0, -1.0, -1.0, -1.0]
+    step = quat_to_rotvec(multiply(back, quat[1:]))
+    middle = quat_to_matrix(_halfway(quat, step))
+    dtheta = step + np.einsum("iab,ia->ib", middle, frame) * dt[:, None]
+    force = np.diff(v, axis=0) / dt[:, None] + np.cross(earth + frame, mean_v)
+    force[:, 2] += gravity(lat, height)
+    dvel = np.einsum("iab,ia->ib", middle, force) * dt[:, None]
+    return ImuRecord(path.time[1:], dt, dtheta, dvel, name=path.name)
+
+
+def _halfway(quat: Array, step: Array) -> Array:
+    from schuler.attitude import rotvec_to_quat
+
+    return np.asarray(multiply(quat[:-1], rotvec_to_quat(0.5 * step)))
+
+
+def planned_fixes(
+    path: Trajectory, rate: float = 1.0, sigma: float = 3.0, v_sigma: float | None = 0.1
+) -> GnssFixes:
+    """Return the fixes that a receiver would have along a path, without noise.
+
+    Parameters
+    ----------
+    path : Trajectory
+    rate : float
+        Hz.
+    sigma, v_sigma : float
+        1-sigma of position (m) and velocity (m/s; None for a receiver without velocity).
+    """
+    count = int(np.floor((path.time[-1] - path.time[0]) * rate + 1e-6)) + 1
+    time = path.time[0] + np.arange(count) / rate
+    lat, lon, height = (np.interp(time, path.time, x) for x in (path.lat, path.lon, path.height))
+    v = None
+    if v_sigma is not None:
+        v = np.column_stack([np.interp(time, path.time, c) for c in path.known("v_n").T])
+    return GnssFixes(time, lat, lon, height, sigma, v, v_sigma or 0.1, name="gnss")
+
+
+@dataclass(frozen=True, eq=False)
+class PathLimit:
+    """The best covariance that an alignment in motion can have at the end of a path.
+
+    Parameters
+    ----------
+    duration : float
+        s.
+    covariance : (9, 9) float64
+        Of phi (rad), velocity (m/s) and position (m), east, north, up.
+    gyro_bias, accel_bias : (3,) float64
+        1-sigma that the path leaves of the biases, rad/s and m/s^2.
+    parameters : dict of str to array
+        1-sigma of what is estimated of aids.
+    """
+
+    duration: float
+    covariance: Array
+    gyro_bias: Array
+    accel_bias: Array
+    parameters: dict[str, Array]
+
+    @property
+    def phi(self) -> Array:
+        """Covariance of phi, rad^2, (3, 3)."""
+        return self.covariance[:3, :3]
+
+    @property
+    def sigma_arcmin(self) -> Array:
+        """1-sigma of phi, arcmin, (3,)."""
+        return np.asarray(np.sqrt(np.diag(self.phi)) / ARCMIN)
+
+
+def limit_on(
+    path: Trajectory, spec: ImuSpec | str | Path, aiding: Aid | Sequence[Aid], *,
+    record: ImuRecord | None = None, vibration: float = 0.0,
+) -> PathLimit:  # fmt: skip
+    """Return the Cramér-Rao bound of an alignment at the end of a path.
+
+    Parameters
+    ----------
+    path : Trajectory
+        With velocity and attitude: a plan, the truth of a simulation, or a path that was driven.
+    spec : ImuSpec, str or path
+        The instrument.
+    aiding : GnssFixes, BodySpeed, or a sequence of them
+        Instants and noise of what is measured; their values do not matter.
+    record : ImuRecord, optional
+        What a perfect instrument has along the path; `record_on` otherwise.
+    vibration : float
+        Least velocity random walk, m/s/sqrt(s).
+
+    Raises
+    ------
+    InputError
+        If the path has no velocity or attitude, or no measurement lies on it.
+
+    Examples
+    --------
+    >>> limit_on(path, "navigation-fog", planned_fixes(path)).sigma_arcmin  # doctest: +SKIP
+    """
+    instrument = load_spec(spec)
+    if instrument is None:
+        raise InputError("a bound needs an instrument: give its specification")
+    aids = [aiding] if isinstance(aiding, Aid) else list(aiding)
+    samples = record_on(path) if record is None else record
+    for aid in aids:
+        time = np.asarray(aid.time)
+        if not np.any((time >= samples.start - 1e-9) & (time <= samples.end + 1e-9)):
+            raise InputError(
+                f"{aid.name}: no measurement lies on the path, which goes from t = "
+                f"{samples.start:.9g} to {samples.end:.9g} s"
+            )
+    measured = measurements(aids, samples, gate=False)
+    k = int(np.searchsorted(path.time, samples.start - 1e-9))
+    nominal = Nominal(
+        float(path.lat[k]), float(path.lon[k]), float(path.height[k]), path.known("quat_nb")[k],
+        path.known("v_n")[k], {},
+    )  # fmt: skip
+    # Nothing is fed back: the covariance is that of rows along the path itself.
+    flt = make_filter(nominal, instrument, vibration, measured, aids)
+    flt.update(samples)
+    end, _ = filtered_end(flt)
+    sigma = np.sqrt(np.maximum(np.diag(end.covariance), 0.0))
+    parts = {name: sigma[end.layout[name]] for name in end.layout if "." in name}
+    return PathLimit(
+        samples.end - samples.start, end.covariance[:9, :9], sigma[end.layout["gyro_bias"]],
+        sigma[end.layout["accelerometer_bias"]], parts,
+    )  # fmt: skip

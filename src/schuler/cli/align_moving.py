@@ -1,0 +1,184 @@
+"""Alignment in motion of ``schuler align``: its options, and its run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from schuler.cli.aided import _estimates, _sigmas, _triple
+from schuler.cli.command import CONTRADICTED, echo, wants_text
+from schuler.cli.common import emit_json, open_file, progress, say_warnings, site_or_none
+from schuler.cli.parameters import InputFile, Number
+from schuler.errors import InputError
+
+if TYPE_CHECKING:
+    from schuler.aiding import BodySpeed, GnssFixes
+    from schuler.alignment import Alignment
+    from schuler.record import ImuRecord
+
+__all__ = ["align_in_motion", "motion_options", "motion_taken"]
+
+_AIDS = ("gnss", "odometer", "dvl")
+_KEYS = (*_AIDS, "gnss_sigma", "lever", "delay", "estimate", "vibration")
+
+
+def motion_options(function: Any) -> Any:
+    """Add the options of an alignment in motion to a command."""
+    options = [
+        click.option(
+            "--gnss", type=InputFile(), metavar="FILE",
+            help="Align in motion by GNSS fixes: CSV, Parquet, RTKLIB .pos or KF-GINS text.",
+        ),
+        click.option(
+            "--odometer", type=InputFile(), metavar="FILE",
+            help="Forward speed of a vehicle on wheels: time, speed.",
+        ),
+        click.option(
+            "--dvl", type=InputFile(), metavar="FILE", help="Speed right, forward, up: vx, vy, vz."
+        ),
+        click.option(
+            "--gnss-sigma", metavar="M,M/S",
+            help="1-sigma of position and velocity, where the file has none (3,0.1).",
+        ),
+        click.option("--lever", metavar="X,Y,Z", help="From IMU to antenna, m (body axes)."),
+        click.option(
+            "--delay", type=Number(-10.0, 10.0, unit="s"), metavar="S",
+            help="A fix stamped t is valid at t - S.",
+        ),
+        click.option(
+            "--estimate", metavar="LIST", help="Of delay, lever, mount, scale, with commas."
+        ),
+        click.option(
+            "--vibration", type=Number(0.0, 10.0), metavar="M/S/SQRT(S)",
+            help="Least velocity random walk on the vehicle (as the record shows it).",
+        ),
+    ]  # fmt: skip
+    for option in reversed(options):
+        function = option(function)
+    return function
+
+
+def motion_taken(options: dict[str, Any]) -> dict[str, Any] | None:
+    """Return the options of an alignment in motion, taken out of the command's; None at rest.
+
+    Raises
+    ------
+    InputError
+        If one of them is given without an aid.
+    """
+    out = {key: options.pop(key) for key in _KEYS}
+    if any(out[key] is not None for key in _AIDS):
+        return out
+    given = [key for key in _KEYS if out[key] is not None]
+    if given:
+        raise InputError(
+            f"--{given[0].replace('_', '-')} is for an alignment in motion: say --gnss, --odometer "
+            "or --dvl"
+        )
+    return None
+
+
+def _read_aids(aids: dict[str, Any]) -> list[GnssFixes | BodySpeed]:
+    from schuler.io import read_gnss, read_speed
+
+    wanted = _estimates(aids["estimate"])
+    rolling = aids["odometer"] is not None or aids["dvl"] is not None
+    if wanted & {"scale", "mount"} and not rolling:
+        raise InputError("--estimate scale and mount are those of --odometer or --dvl: give one")
+    if "delay" in wanted and aids["gnss"] is None:
+        raise InputError("--estimate delay is that of --gnss: give one")
+    for key in ("gnss_sigma", "delay"):
+        if aids[key] is not None and aids["gnss"] is None:
+            raise InputError(f"--{key.replace('_', '-')} is for --gnss: give one")
+    lever = _triple(aids["lever"], "--lever")
+    out: list[GnssFixes | BodySpeed] = []
+    if aids["gnss"] is not None:
+        sigma, v_sigma = _sigmas(aids["gnss_sigma"])
+        out.append(
+            read_gnss(
+                aids["gnss"], lever=lever, delay=aids["delay"] or 0.0, sigma=sigma,
+                v_sigma=v_sigma, estimate=tuple(sorted(wanted & {"delay", "lever"})),
+            )
+        )  # fmt: skip
+    for key in ("odometer", "dvl"):
+        if aids[key] is None:
+            continue
+        # Beside fixes the lever arm is the antenna's.
+        own = () if aids["gnss"] is not None else {"lever"}
+        out.append(
+            read_speed(
+                aids[key], name=key, lever=(0.0, 0.0, 0.0) if aids["gnss"] is not None else lever,
+                estimate=tuple(sorted(wanted & {"mount", "scale", *own})),
+            )
+        )  # fmt: skip
+    return out
+
+
+def align_in_motion(
+    options: dict[str, Any], aids: dict[str, Any], spec: str | None, at: str,
+    span: tuple[Any, Any], outputs: tuple[str | None, str | None], calibration_from: str | None,
+    finished: Any,
+) -> int:  # fmt: skip
+    """Align in motion and say what came of it; return the exit code.
+
+    Parameters
+    ----------
+    options : dict
+        Of the file and the site.
+    aids : dict
+        As of `motion_taken`.
+    spec, at, span, outputs, calibration_from
+        As the command has them.
+    finished : callable
+        Adds what the reader knows to a result.
+    """
+    from schuler.alignment import align
+    from schuler.io.span import parse_record_time
+    from schuler.sensors import load_spec
+
+    json_to, report_to = outputs
+    if report_to is not None:
+        from schuler.reports.page import graph_objects
+
+        graph_objects()  # a missing library is said before the work, too
+    given = _read_aids(aids)
+    source, finish = open_file(options, None, load_spec(spec))
+    site = site_or_none(options, source)
+    # What lies before the span may show rest, and with it the gyros' bias: it is read, too.
+    record = _whole(source, span[1], calibration_from)
+    begin = None
+    if span[0] is not None:
+        seconds, relative = parse_record_time(span[0], "start")
+        begin = seconds + (record.start if relative else 0.0)
+    fix: Alignment = align(
+        record, site, None, spec, at=at, aiding=given, span=(begin, None),
+        vibration=aids["vibration"],
+    )  # fmt: skip
+    fix = finished(fix, source, spec, calibration_from)
+    if json_to is not None:
+        emit_json(fix.to_dict(), json_to)
+    if report_to is not None:
+        from schuler.reports import report
+
+        report(fix, report_to)
+    if wants_text():
+        echo(str(fix).split("\nwarning: ")[0])
+        shares = sorted(fix.budget_arcmin2.items(), key=lambda item: -item[1])
+        parts = ", ".join(f"{name.replace('_', ' ')} {value**0.5:.2g}'" for name, value in shares)
+        echo(f"heading budget (1 sigma): {parts}")
+    finish()
+    say_warnings(fix.warnings)
+    return 0 if fix.consistent else CONTRADICTED
+
+
+def _whole(source: Any, stop: Any, calibration_from: str | None) -> ImuRecord:
+    from schuler.record import ImuRecord
+
+    with progress(source, source.chunks(stop=stop)) as chunks:
+        read = chunks
+        if calibration_from is not None:
+            from schuler.calibration.apply import Calibration
+
+            read = Calibration.from_toml(calibration_from).each(chunks)
+        return ImuRecord.concatenate(list(read), quality=source.quality)
