@@ -92,13 +92,18 @@ def aiding_options(function: Any) -> Any:
             help="Added to times of gnss, odometer, dvl, height or heading, to bring them to the "
             "record's clock.",
         ),
-        click.option("--nhc", is_flag=True, help="Wheels move neither sideways nor up."),
-        click.option("--zupt", is_flag=True, help="Use rest that the record shows."),
-        click.option("--scale-states", is_flag=True, help="Estimate scale factors of the sensors."),
+        click.option("--nhc/--no-nhc", default=False, help="Wheels move neither sideways nor up."),
+        click.option("--zupt/--no-zupt", default=False, help="Use rest that the record shows."),
+        click.option(
+            "--scale-states/--no-scale-states", default=False,
+            help="Estimate scale factors of the sensors.",
+        ),
         click.option(
             "--estimate", metavar="LIST", help="Of delay, lever, mount, scale, with commas."
         ),
-        click.option("--smooth", is_flag=True, help="Smooth afterwards, over the whole record."),
+        click.option(
+            "--smooth/--no-smooth", default=False, help="Smooth afterwards, over the whole record."
+        ),
         click.option(
             "--outage", metavar="TIME/PERIOD[+SHIFT]",
             help="Withhold fixes for TIME in each PERIOD, as 15s/45s, and score the prediction.",

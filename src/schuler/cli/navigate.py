@@ -8,7 +8,7 @@ import click
 
 from schuler import __version__
 from schuler.cli.aided import aiding_options, navigate_with_aids, taken
-from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
+from schuler.cli.command import CONTRADICTED, echo, wants_text
 from schuler.cli.common import (
     Look,
     emit_json,
@@ -25,6 +25,7 @@ from schuler.cli.common import (
 from schuler.cli.completion import specs
 from schuler.cli.parameters import InputFile, Number, Seconds
 from schuler.cli.path_output import PathOutput, path_options
+from schuler.cli.run_file import RunCommand, save_run_option
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 
-@click.command("navigate", cls=Command)
+@click.command("navigate", cls=RunCommand)
 @file_options
 @site_options
 @gravity_options
@@ -99,6 +100,7 @@ __all__ = ["command"]
     help="Compare with this path (CSV with names, or Parquet).",
 )
 @aiding_options
+@save_run_option
 @json_option()
 @report_option("Write an interactive report.")
 def command(**options: Any) -> int:
@@ -106,6 +108,8 @@ def command(**options: Any) -> int:
 
     \b
       schuler navigate drive.csv --gnss car.pos --nhc --zupt --estimate delay,mount --smooth
+      schuler navigate drive.csv --gnss car.pos --nhc --out path.csv --save-run drive.toml
+      schuler navigate drive.toml --smooth
       schuler navigate flight.csv --lat 34.2 --lon 108.9 --height 100 --heading 40 --velocity 38,46,0
       schuler navigate truck.parquet --lat 34.2 --lon 108.9 --align 300s --reference truth.parquet
     """  # noqa: D301, E501
