@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from schuler.attitude import multiply, quat_to_rotvec, rotvec_to_quat
 from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G
-from schuler.ins import BodyVelocity, ErrorStateFilter, Height, Measurement
+from schuler.ins import BodyVelocity, ErrorStateFilter, Height, Measurement, groups_of
 from schuler.navigation.aid_measurements import DopplerRows
 
 __all__ = ["WITHHELD", "estimate_rows", "estimates", "levers"]
@@ -27,6 +27,9 @@ def estimate_rows(estimated: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return names and values with 1-sigma of what was estimated, in words."""
     out: list[tuple[str, str]] = []
     for name, value in estimated.items():
+        if name == "own":
+            out += estimate_rows(value)
+            continue
         if isinstance(value, Mapping):
             out += estimate_rows({f"{key} {name}": each for key, each in value.items()})
             continue
@@ -85,6 +88,8 @@ def estimates(flt: ErrorStateFilter, measured: Sequence[Measurement]) -> dict[st
                 out["odometer_scale"] = pair(group, aid.scale)
             elif part == "mount" and isinstance(aid, BodyVelocity):
                 out.setdefault("mount_deg", {}).update(_mount(flt, aid, group, sigma))
+    for name in groups_of(flt.aids):
+        out.setdefault("own", {})[name] = pair(name)
     out["gyro_bias_deg_h"] = pair("gyro_bias", 0.0, DEG_PER_HOUR)
     out["accel_bias_ug"] = pair("accelerometer_bias", 0.0, MICRO_G)
     for group, name in (("gyro_scale", "gyro_scale"), ("accelerometer_scale", "accel_scale")):
