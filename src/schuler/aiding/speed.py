@@ -47,7 +47,7 @@ class BodySpeed:
     time: ArrayLike
     value: ArrayLike
     sigma: float = 0.1
-    scale_sigma: float = 0.01
+    scale_sigma: float = 0.02
     lever: ArrayLike = (0.0, 0.0, 0.0)
     estimate: tuple[str, ...] = ()
     name: str = "odometer"

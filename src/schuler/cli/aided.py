@@ -11,6 +11,7 @@ from schuler import __version__
 from schuler.cli.command import CONTRADICTED, echo, wants_text
 from schuler.cli.common import Look, emit_json, open_file, progress, say_warnings
 from schuler.cli.parameters import InputFile, Number
+from schuler.cli.path_output import PathOutput, triple
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -91,13 +92,18 @@ def aiding_options(function: Any) -> Any:
             help="Added to times of gnss, odometer, dvl, height or heading, to bring them to the "
             "record's clock.",
         ),
-        click.option("--nhc", is_flag=True, help="Wheels move neither sideways nor up."),
-        click.option("--zupt", is_flag=True, help="Use rest that the record shows."),
-        click.option("--scale-states", is_flag=True, help="Estimate scale factors of the sensors."),
+        click.option("--nhc/--no-nhc", default=False, help="Wheels move neither sideways nor up."),
+        click.option("--zupt/--no-zupt", default=False, help="Use rest that the record shows."),
+        click.option(
+            "--scale-states/--no-scale-states", default=False,
+            help="Estimate scale factors of the sensors.",
+        ),
         click.option(
             "--estimate", metavar="LIST", help="Of delay, lever, mount, scale, with commas."
         ),
-        click.option("--smooth", is_flag=True, help="Smooth afterwards, over the whole record."),
+        click.option(
+            "--smooth/--no-smooth", default=False, help="Smooth afterwards, over the whole record."
+        ),
         click.option(
             "--outage", metavar="TIME/PERIOD[+SHIFT]",
             help="Withhold fixes for TIME in each PERIOD, as 15s/45s, and score the prediction.",
@@ -133,13 +139,7 @@ def taken(options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _triple(text: str | None, option: str) -> tuple[float, float, float]:
-    if text is None:
-        return 0.0, 0.0, 0.0
-    try:
-        x, y, z = (float(cell) for cell in text.split(","))
-    except ValueError:
-        raise InputError(f"{option}: expected three numbers with commas, got '{text}'") from None
-    return x, y, z
+    return (0.0, 0.0, 0.0) if text is None else triple(text, option)
 
 
 def _pair(text: str, option: str) -> tuple[float, float]:
@@ -234,15 +234,14 @@ def _other_aids(
 
 def navigate_with_aids(
     options: dict[str, Any], aids: dict[str, Any], start: Start | None, spec: ImuSpec | None,
-    outputs: tuple[Any, Any, Any],
+    outputs: tuple[PathOutput, Any, Any],
 ) -> int:  # fmt: skip
     """Run an aided navigation and say what came of it; return the exit code."""
     from schuler.io import read_gnss, read_speed
-    from schuler.io.trajectory import write_trajectory
     from schuler.navigation import AidingOptions, Outages, navigate_aided
     from schuler.record import ImuRecord
 
-    out_to, json_to, report_to = outputs
+    out, json_to, report_to = outputs
     wanted = _estimates(aids["estimate"])
     rolling = aids["odometer"] is not None or aids["dvl"] is not None
     if "scale" in wanted and not rolling:
@@ -287,8 +286,7 @@ def navigate_with_aids(
         record, gnss, start=start, spec=spec, speeds=speeds, aids=more_aids, options=chosen,
         outages=outages,
     )  # fmt: skip
-    if out_to is not None:
-        write_trajectory(found.path, out_to)
+    out.write(out.of_aided(found, record))
     if json_to is not None:
         emit_json(_data(found, source), json_to)
     if report_to is not None:

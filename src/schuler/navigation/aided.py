@@ -35,9 +35,11 @@ from schuler.ins import (
     Velocity,
     ZeroRate,
     ZeroVelocity,
+    groups_of,
     instrument_noise,
     instrument_prior,
 )
+from schuler.navigation.aid_estimates import WITHHELD
 from schuler.navigation.aid_measurements import (
     AIDS,
     Aid,
@@ -47,7 +49,7 @@ from schuler.navigation.aid_measurements import (
     left_out,
     measurements_of,
 )
-from schuler.navigation.aided_result import OUTPUT, WITHHELD, AidedNavigation, finished
+from schuler.navigation.aided_result import OUTPUT, AidedNavigation, finished
 from schuler.navigation.motion_start import motion_start
 from schuler.navigation.navigator import Start
 from schuler.navigation.outages import Outages
@@ -72,6 +74,9 @@ _VIBRATION = 0.03
 
 _PRIORS = {"lever": 1.0, "delay": 0.3, "mount": 10.0 * DEG, "scale": 0.02}
 """1-sigma of what is estimated of an aid before anything is measured: m, s, rad, 1."""
+
+_CONSTRAINT = "non_holonomic"
+"""Name of the constraint of wheels."""
 
 _BEYOND = 5.0
 """Prior sigmas beyond which an estimate is not what it was meant to be."""
@@ -153,7 +158,7 @@ def navigate_aided(
         The instrument; a MEMS of consumer grade when not given.
     speeds : sequence of BodySpeed
     aids : sequence of Height, HeadingFixes, BodyVelocity, ZeroRate or CustomMeasurement
-        Of `schuler.aiding`, or a user's own.
+        Of `schuler.aiding`, or a user's own, which may bring states (`schuler.ins.StateGroup`).
     options : AidingOptions, optional
     outages : Outages, optional
         Spans whose fixes are withheld, and scored.
@@ -175,6 +180,13 @@ def navigate_aided(
     known = [aid for aid in aids if isinstance(aid, AIDS)]
     own = [aid for aid in aids if not isinstance(aid, AIDS)]
     handling = Handling(gate=_GATE, robust=options.robust)
+    added = groups_of(own)
+    own_noise = {name: group.noise for name, group in added.items()}
+    priors: dict[str, Any] = {
+        **{f"{speed.name}.scale": speed.scale_sigma for speed in speeds}, **aid_priors(known),
+        **{name: group.sigma for name, group in added.items()},
+    }  # fmt: skip
+    starts = {name: group.start for name, group in added.items()}
     # Fixes are taken when they are valid: a delay that is found to be long is taken off the times,
     # and the record navigated again. A row of H is good to first order in what is left of it.
     delays = dict.fromkeys((used.name, f"{used.name}_velocity"), used.delay)
@@ -185,16 +197,18 @@ def navigate_aided(
             "phi", "velocity", "position", "gyro_bias", "accelerometer_bias",
             *(["gyro_scale", "accelerometer_scale"] if options.scale else []),
             *dict.fromkeys(group for aid in measured for group in aid.groups),
+            *((group.name, group.size) for group in added.values()),
         ])  # fmt: skip
-        noise = _noise(layout, instrument, options, aid_noise(known))
-        prior = _prior(layout, instrument, options, begin, bias_sigma, aid_priors(known))
+        noise = _noise(layout, instrument, options, {**aid_noise(known), **own_noise})
+        prior = _prior(layout, instrument, options, begin, bias_sigma, priors)
         covariance = np.diag(prior**2)
         more = _output_times(record, [*measured, *own], options.longest_interval)
         if len(more):
             measured.append(OutputEpoch(more, name=OUTPUT))
         flt = ErrorStateFilter(
             layout, begin.site, begin.quat_nb, covariance, noise, [*measured, *own],
-            v_n=begin.v_n, parameters={"gyro_bias": bias}, smooth=options.smooth, step=0.1,
+            v_n=begin.v_n, parameters={"gyro_bias": bias, **starts}, smooth=options.smooth,
+            step=0.1,
         )  # fmt: skip
         flt.update(record)
         if not again or not _later(delays, flt, 2.0 * prior):
@@ -231,10 +245,12 @@ def _against_priors(flt: ErrorStateFilter, prior: Array) -> tuple[list[str], lis
     """Hold each estimate against its own prior: of aids it contradicts, of sensors it is said."""
     aids: list[str] = []
     sensors: list[str] = []
+    own = groups_of(flt.aids)
     doppler = {aid.group("mount") for aid in flt.aids if isinstance(aid, DopplerRows)}
     for group in flt.layout:
         part = group.rpartition(".")[2]
-        if part not in _PRIORS and not group.endswith("_scale"):
+        known = part in _PRIORS or group.endswith("_scale")
+        if not known or group in own:
             continue
         size = np.abs(flt.parameter(group)) / prior[flt.layout[group]]
         if np.max(size) <= _BEYOND:
@@ -364,17 +380,23 @@ def _measurements(
         within = inside(speed.name, np.asarray(speed.time), record)
         check_speed(speed, used)
         mount = "xyz" if np.asarray(speed.value).ndim == 2 else "xz"
+        estimate, shared_mount = speed.estimate, {}
+        if mount == "xz" and options.non_holonomic and "mount" in options.constraint_estimate:
+            # Wheels roll along the axis across which they do not slip: one mounting for both.
+            estimate = tuple(dict.fromkeys([*estimate, "mount"]))
+            shared_mount = {"mount": _CONSTRAINT}
         out.append(
             BodyVelocity(
                 np.asarray(speed.time)[within], value[within], sigma[within], name=speed.name,
-                lever=speed.lever, estimate=speed.estimate, mount_axes=mount, handling=handling,
+                lever=speed.lever, estimate=estimate, mount_axes=mount, handling=handling,
+                shared=shared_mount,
             )
         )  # fmt: skip
     if options.non_holonomic:
         times = _constraint_times(record, options.constraint_interval, bias)
         out.append(
             NonHolonomic(
-                times, 0.0, 2.0 * options.constraint_sigma, name="non_holonomic",
+                times, 0.0, 2.0 * options.constraint_sigma, name=_CONSTRAINT,
                 lever=options.constraint_lever, estimate=options.constraint_estimate,
                 handling=Handling(gate=0.9999963, robust=options.robust),
             )
@@ -431,7 +453,7 @@ def _noise(
 
 def _prior(
     layout: Layout, spec: ImuSpec, options: AidingOptions, begin: _Begin, bias_sigma: Array,
-    aids: Mapping[str, float],
+    aids: Mapping[str, Any],
 ) -> Array:  # fmt: skip
     """Return 1-sigma of each state at the start."""
     sigma: dict[str, Any] = {

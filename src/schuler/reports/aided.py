@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from schuler.attitude import psi_to_heading
 from schuler.constants import DEG
 from schuler.navigation import AidedNavigation
-from schuler.navigation.aided_result import estimate_rows
+from schuler.navigation.aid_estimates import estimate_rows
 from schuler.reports.figures import (
     BLUE,
     GREY,
