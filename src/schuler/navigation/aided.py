@@ -284,11 +284,7 @@ def _common(record: ImuRecord, gnss: GnssFixes) -> tuple[ImuRecord, GnssFixes]:
 
 
 def _rests(record: ImuRecord, gnss: GnssFixes) -> Rests:
-    speed = gnss.speed
-    if speed is None:
-        return find_rest(record)
-    beyond = speed > np.maximum(3.0 * np.asarray(gnss.v_sigma)[:, :2].max(axis=1), 0.2)
-    return find_rest(record, moving=(np.asarray(gnss.time) - gnss.delay, beyond))
+    return find_rest(record, moving=gnss.moving)
 
 
 def _bias_at_rest(record: ImuRecord, rests: Rests, spec: ImuSpec) -> tuple[Array, Array]:
