@@ -10,6 +10,7 @@ import io
 import itertools
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -324,6 +325,70 @@ def velocity_emd() -> Any:
     return figure
 
 
+def moving() -> Any:
+    """Heading error against the span for a car, plain and centred, beside the bound."""
+    from schuler.alignment import limit_on, planned_fixes
+    from schuler.alignment.moving.body import body_rows
+    from schuler.alignment.moving.series import velocity_series
+    from schuler.motion import Manoeuvre, Route
+    from schuler.sensors import draw as draw_errors
+    from schuler.sensors.noise import Instrument
+
+    legs = []
+    for speed, turn in ((3, 90), (-5, -60), (4, 90), (-3, 30), (2, -90)):
+        legs += [Manoeuvre(12.0, speed=speed), Manoeuvre(8.0, turn=turn), Manoeuvre(6.0)]
+    site, spec = sc.Site(40.0, 10.0, 100.0), GRADES["navigation-fog"]
+    car = Route(legs, heading=40.0, speed=12.0)
+    lengths, runs = np.array([20, 30, 45, 60, 90, 120]), 30
+    clean = simulate(car, site, 120.0, 50.0)
+    fixes = planned_fixes(clean.truth)
+    v = np.asarray(fixes.v_n)
+    off: dict[str, list[Any]] = {"plain": [], "centred": []}
+    for seed in range(runs):
+        rng = np.random.default_rng(seed)
+        dtheta, dvel = clean.record.dtheta.copy(), clean.record.dvel.copy()
+        errors = draw_errors(spec.gyro, rng), draw_errors(spec.accelerometer, rng)
+        Instrument(spec, *errors, clean.step, rng).corrupt(dtheta, dvel)
+        record = replace(clean.record, dtheta=dtheta, dvel=dvel)
+        noisy = replace(fixes, v_n=v + 0.1 * rng.standard_normal(v.shape))
+        series = velocity_series(body_rows(record, noisy.time), noisy)
+        for name in off:
+            each = []
+            for n in lengths:
+                y, x = series.y[: n + 1], series.x[: n + 1]
+                first = (y[0], x[0]) if name == "plain" else (y.mean(axis=0), x.mean(axis=0))
+                mat = _wahba(y - first[0], x - first[1])
+                each.append(_heading_off(mat, clean.truth.quat_nb[0], site))
+            off[name].append(each)
+    figure, ax = plt.subplots(figsize=(7.2, 3.2))
+    for name, color in (("plain", ORANGE), ("centred", BLUE)):
+        rms = np.sqrt(np.mean(np.square(off[name]), axis=0)) / ARCMIN
+        ax.plot(lengths, rms, "o-", ms=4, color=color, label=f"{name}, {runs} runs")
+    bound = []
+    for n in lengths:
+        path = clean.truth.rows(slice(0, 50 * n + 1))
+        bound.append(limit_on(path, spec, planned_fixes(path)).sigma_arcmin[2])
+    ax.plot(lengths, bound, "--", color=GREY, label="bound")
+    ax.set(xlabel="span, s", ylabel="heading error, rms, arcmin", ylim=(0.0, None))
+    ax.legend()
+    return figure
+
+
+def _wahba(y: Any, x: Any) -> Any:
+    """Return the rotation from x to y."""
+    u, _, vt = np.linalg.svd(y.T @ x)
+    return u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+
+
+def _heading_off(mat_i0_ib0: Any, quat_nb: Any, site: Any) -> float:
+    """Return the heading's error at the start, rad."""
+    from schuler.alignment.moving.earth_side import local_axes
+
+    axes = local_axes(np.array(site.latitude), np.array(site.longitude))
+    turn = axes.T @ mat_i0_ib0 @ quat_to_matrix(quat_nb).T
+    return float(turn[0, 1] - turn[1, 0]) / 2.0
+
+
 PICTURES: dict[str, Callable[[], Any]] = {
     each.__name__: each
     for each in (
@@ -336,6 +401,7 @@ PICTURES: dict[str, Callable[[], Any]] = {
         positions,
         misalignment,
         velocity_emd,
+        moving,
     )
 }
 

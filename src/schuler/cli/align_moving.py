@@ -13,14 +13,14 @@ from schuler.cli.parameters import InputFile, Number
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
-    from schuler.aiding import BodySpeed, GnssFixes
+    from schuler.aiding import BodySpeed, BodyVelocity, GnssFixes
     from schuler.alignment import Alignment
     from schuler.record import ImuRecord
 
 __all__ = ["align_in_motion", "motion_options", "motion_taken"]
 
 _AIDS = ("gnss", "odometer", "dvl")
-_KEYS = (*_AIDS, "gnss_sigma", "lever", "delay", "estimate", "vibration")
+_KEYS = (*_AIDS, "dvl_frame", "dvl_lever", "gnss_sigma", "lever", "delay", "estimate", "vibration")
 
 
 def motion_options(function: Any) -> Any:
@@ -37,6 +37,11 @@ def motion_options(function: Any) -> Any:
         click.option(
             "--dvl", type=InputFile(), metavar="FILE", help="Speed right, forward, up: vx, vy, vz."
         ),
+        click.option(
+            "--dvl-frame", type=click.Choice(["RFU", "FRD", "FLU"]),
+            help="Where x, y, z of --dvl point (RFU; of a ROS bag FLU).",
+        ),
+        click.option("--dvl-lever", metavar="X,Y,Z", help="From IMU to that sensor, m."),
         click.option(
             "--gnss-sigma", metavar="M,M/S",
             help="1-sigma of position and velocity, where the file has none (3,0.1).",
@@ -79,39 +84,36 @@ def motion_taken(options: dict[str, Any]) -> dict[str, Any] | None:
     return None
 
 
-def _read_aids(aids: dict[str, Any]) -> list[GnssFixes | BodySpeed]:
-    from schuler.io import read_gnss, read_speed
+def _read_aids(aids: dict[str, Any]) -> list[GnssFixes | BodySpeed | BodyVelocity]:
+    from schuler.io import read_dvl, read_gnss, read_speed
 
     wanted = _estimates(aids["estimate"])
     rolling = aids["odometer"] is not None or aids["dvl"] is not None
     if wanted & {"scale", "mount"} and not rolling:
         raise InputError("--estimate scale and mount are those of --odometer or --dvl: give one")
-    if "delay" in wanted and aids["gnss"] is None:
-        raise InputError("--estimate delay is that of --gnss: give one")
-    for key in ("gnss_sigma", "delay"):
-        if aids[key] is not None and aids["gnss"] is None:
-            raise InputError(f"--{key.replace('_', '-')} is for --gnss: give one")
-    lever = _triple(aids["lever"], "--lever")
-    out: list[GnssFixes | BodySpeed] = []
+    if wanted & {"delay", "lever"} and aids["gnss"] is None:
+        raise InputError("--estimate delay and lever are those of --gnss: give one")
+    for key, owner in (
+        ("gnss_sigma", "gnss"), ("delay", "gnss"), ("lever", "gnss"), ("dvl_frame", "dvl"),
+        ("dvl_lever", "dvl"),
+    ):  # fmt: skip
+        if aids[key] is not None and aids[owner] is None:
+            raise InputError(f"--{key.replace('_', '-')} is for --{owner}: give it")
+    out: list[GnssFixes | BodySpeed | BodyVelocity] = []
     if aids["gnss"] is not None:
         sigma, v_sigma = _sigmas(aids["gnss_sigma"])
         out.append(
             read_gnss(
-                aids["gnss"], lever=lever, delay=aids["delay"] or 0.0, sigma=sigma,
-                v_sigma=v_sigma, estimate=tuple(sorted(wanted & {"delay", "lever"})),
+                aids["gnss"], lever=_triple(aids["lever"], "--lever"), delay=aids["delay"] or 0.0,
+                sigma=sigma, v_sigma=v_sigma, estimate=tuple(sorted(wanted & {"delay", "lever"})),
             )
         )  # fmt: skip
-    for key in ("odometer", "dvl"):
-        if aids[key] is None:
-            continue
-        # Beside fixes the lever arm is the antenna's.
-        own = () if aids["gnss"] is not None else {"lever"}
-        out.append(
-            read_speed(
-                aids[key], name=key, lever=(0.0, 0.0, 0.0) if aids["gnss"] is not None else lever,
-                estimate=tuple(sorted(wanted & {"mount", "scale", *own})),
-            )
-        )  # fmt: skip
+    own = tuple(sorted(wanted & {"mount", "scale"}))
+    if aids["odometer"] is not None:
+        out.append(read_speed(aids["odometer"], name="odometer", estimate=own))
+    if aids["dvl"] is not None:
+        lever = _triple(aids["dvl_lever"], "--dvl-lever")
+        out.append(read_dvl(aids["dvl"], frame=aids["dvl_frame"], lever=lever, estimate=own))
     return out
 
 

@@ -54,8 +54,13 @@ def levers(flt: ErrorStateFilter, measured: Sequence[Measurement]) -> dict[str, 
     return out
 
 
-def estimates(flt: ErrorStateFilter, measured: Sequence[Measurement]) -> dict[str, Any]:
-    """Return what was estimated with its 1-sigma: smoothed at the end equals the filter."""
+def estimates(
+    flt: ErrorStateFilter, measured: Sequence[Measurement], delays: Mapping[str, float]
+) -> dict[str, Any]:
+    """Return what was estimated with its 1-sigma: smoothed at the end equals the filter.
+
+    `delays` were taken off the times of fixes, by the aid's name: a state is what is left of one.
+    """
     sigma = np.sqrt(np.maximum(np.diag(flt.covariance), 0.0))
     layout = flt.layout
     out: dict[str, Any] = {}
@@ -73,7 +78,9 @@ def estimates(flt: ErrorStateFilter, measured: Sequence[Measurement]) -> dict[st
                 continue
             part = group.rpartition(".")[2]
             if part == "delay":
-                out.setdefault("delay_s", {})[aid.label] = pair(group, aid.delay)
+                out.setdefault("delay_s", {})[aid.label] = pair(
+                    group, delays.get(aid.label, aid.delay)
+                )
             elif part == "lever":
                 out.setdefault("lever_m", {})[aid.label] = pair(group, aid.lever)
             elif part == "offset" and isinstance(aid, Height):

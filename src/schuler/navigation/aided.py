@@ -66,6 +66,9 @@ _NO_WEIGHT = 1e7
 _GATE = 0.999999
 """Quantile of chi-square that a fix may reach."""
 
+_DELAY_LEFT, _DELAY_PASSES = 0.01, 3
+"""A delay (s) that a pass finds beyond the first is taken off the times, so many times at most."""
+
 _VIBRATION = 0.03
 """Velocity random walk of a strapdown unit on a road vehicle, m/s/sqrt(s), at least."""
 
@@ -174,41 +177,68 @@ def navigate_aided(
     begin = _begin(record, gnss, start, bias)
     record = record.between(begin.time, None)
     used, withheld = (gnss, None) if outages is None else outages.divide(gnss, record.start)
-    measured = _measurements(record, used, withheld, speeds, rests, options, bias)
     known = [aid for aid in aids if isinstance(aid, AIDS)]
     own = [aid for aid in aids if not isinstance(aid, AIDS)]
     handling = Handling(gate=_GATE, robust=options.robust)
-    measured += measurements_of(known, record, used, handling)
     added = groups_of(own)
-    layout = Layout([
-        "phi", "velocity", "position", "gyro_bias", "accelerometer_bias",
-        *(["gyro_scale", "accelerometer_scale"] if options.scale else []),
-        *dict.fromkeys(group for aid in measured for group in aid.groups),
-        *((group.name, group.size) for group in added.values()),
-    ])  # fmt: skip
     own_noise = {name: group.noise for name, group in added.items()}
-    noise = _noise(layout, instrument, options, {**aid_noise(known), **own_noise})
+    own_start = {name: group.start for name, group in added.items()}
     priors: dict[str, Any] = {
         **{f"{speed.name}.scale": speed.scale_sigma for speed in speeds}, **aid_priors(known),
         **{name: group.sigma for name, group in added.items()},
     }  # fmt: skip
-    prior = _prior(layout, instrument, options, begin, bias_sigma, priors)
-    covariance = np.diag(prior**2)
-    more = _output_times(record, [*measured, *own], options.longest_interval)
-    if len(more):
-        measured.append(OutputEpoch(more, name=OUTPUT))
-    flt = ErrorStateFilter(
-        layout, begin.site, begin.quat_nb, covariance, noise, [*measured, *own], v_n=begin.v_n,
-        parameters={"gyro_bias": bias, **{name: group.start for name, group in added.items()}},
-        smooth=options.smooth, step=0.1,
-    )  # fmt: skip
-    flt.update(record)
-    found = finished(flt, record, gnss, used, withheld, measured, instrument, outages)
+    # Fixes are taken when they are valid: a delay that is found to be long is taken off the times,
+    # and the record navigated again. A row of H is good to first order in what is left of it.
+    delays = dict.fromkeys((used.name, f"{used.name}_velocity"), used.delay)
+    for again in range(_DELAY_PASSES, -1, -1):
+        measured = _measurements(record, used, withheld, speeds, rests, options, bias, delays)
+        measured += measurements_of(known, record, used, handling)
+        layout = Layout([
+            "phi", "velocity", "position", "gyro_bias", "accelerometer_bias",
+            *(["gyro_scale", "accelerometer_scale"] if options.scale else []),
+            *dict.fromkeys(group for aid in measured for group in aid.groups),
+            *((group.name, group.size) for group in added.values()),
+        ])  # fmt: skip
+        noise = _noise(layout, instrument, options, {**aid_noise(known), **own_noise})
+        prior = _prior(layout, instrument, options, begin, bias_sigma, priors)
+        covariance = np.diag(prior**2)
+        more = _output_times(record, [*measured, *own], options.longest_interval)
+        if len(more):
+            measured.append(OutputEpoch(more, name=OUTPUT))
+        flt = ErrorStateFilter(
+            layout, begin.site, begin.quat_nb, covariance, noise, [*measured, *own],
+            v_n=begin.v_n, parameters={"gyro_bias": bias, **own_start}, smooth=options.smooth,
+            step=0.1,
+        )  # fmt: skip
+        flt.update(record)
+        if not again or not _later(delays, flt, 2.0 * prior):
+            break
+    found = finished(flt, record, gnss, used, withheld, measured, instrument, outages, delays)
     contradictions, warnings = _against_priors(flt, np.sqrt(np.diag(covariance)))
     return replace(
         found, contradictions=(*found.contradictions, *contradictions),
         warnings=(*found.warnings, *warnings, *left_out([*speeds, *known])),
     )  # fmt: skip
+
+
+def _later(delays: dict[str, float], flt: ErrorStateFilter, most: Array) -> bool:
+    """Take what was found of delays into the times; return whether that is worth another pass.
+
+    A delay beyond `most` is none: it stays where its contradiction is seen.
+    """
+    again = False
+    for name in delays:
+        group = f"{name}.delay"
+        if group not in flt.layout:
+            continue
+        rest = float(flt.parameter(group)[0])
+        if _DELAY_LEFT < abs(rest) < float(most[flt.layout[group]][0]):
+            again = True
+    if again:
+        for name in delays:
+            if f"{name}.delay" in flt.layout:
+                delays[name] += float(flt.parameter(f"{name}.delay")[0])
+    return again
 
 
 def _against_priors(flt: ErrorStateFilter, prior: Array) -> tuple[list[str], list[str]]:
@@ -312,34 +342,37 @@ def _begin(record: ImuRecord, gnss: GnssFixes, start: Start | None, bias: Array)
 
 def _measurements(
     record: ImuRecord, used: GnssFixes, withheld: GnssFixes | None, speeds: Sequence[BodySpeed],
-    rests: Rests, options: AidingOptions, bias: Array,
+    rests: Rests, options: AidingOptions, bias: Array, delays: dict[str, float],
 ) -> list[Measurement]:  # fmt: skip
-    """Return the measurements of the filter."""
+    """Return the measurements of the filter; fixes at the times at which they are valid."""
     handling = Handling(gate=_GATE, robust=options.robust)
     out: list[Measurement] = []
-    after = np.asarray(used.time) > record.start
-    used = used.rows(after)
-    place = np.column_stack([used.lat, used.lon, used.height])
     # Position and velocity share the lever arm; a receiver filters its velocity, which is later.
     common: dict[str, Any] = {
-        "lever": used.lever, "delay": used.delay, "estimate": used.estimate, "handling": handling,
+        "lever": used.lever, "estimate": used.estimate, "handling": handling,
     }  # fmt: skip
-    shared = {"lever": used.name}
-    out.append(Position(used.time, place, used.sigma, name=used.name, **common))
+
+    def valid(fixes: GnssFixes, name: str) -> tuple[Array, NDArray[np.bool_]]:
+        time = np.asarray(fixes.time) - delays[name]
+        within = (time > record.start) & (time <= record.end)
+        return time[within], within
+
+    time, within = valid(used, used.name)
+    place = np.column_stack([used.lat, used.lon, used.height])
+    sigma = np.asarray(used.sigma)
+    out.append(Position(time, place[within], sigma[within], name=used.name, **common))
     if used.v_n is not None:
-        out.append(
-            Velocity(
-                used.time, used.v_n, used.v_sigma, name=f"{used.name}_velocity", shared=shared,
-                **common,
-            )
-        )  # fmt: skip
+        name = f"{used.name}_velocity"
+        time, within = valid(used, name)
+        v_n, sigma = np.asarray(used.v_n)[within], np.asarray(used.v_sigma)[within]
+        out.append(Velocity(time, v_n, sigma, name=name, shared={"lever": used.name}, **common))
     if withheld is not None:
+        time, within = valid(withheld, used.name)
         place = np.column_stack([withheld.lat, withheld.lon, withheld.height])
         out.append(
             Position(
-                withheld.time, place, _NO_WEIGHT, name=WITHHELD, lever=used.lever,
-                delay=used.delay, estimate=used.estimate,
-                shared={"lever": used.name, "delay": used.name},
+                time, place[within], _NO_WEIGHT, name=WITHHELD, lever=used.lever,
+                estimate=used.estimate, shared={"lever": used.name, "delay": used.name},
             )
         )  # fmt: skip
     for speed in speeds:

@@ -188,7 +188,8 @@ class AidedNavigation(Shown):
                         f"outages   {o['count']} of {o['length_s']:g} s, {way}: worst error "
                         f"{o[way]['rms_horizontal_m']:.3g} m rms horizontally (median "
                         f"{o[way]['median_horizontal_m']:.3g} m), "
-                        f"{o[way]['rms_height_m']:.3g} m in height"
+                        f"{o[way]['rms_height_m']:.3g} m in height; "
+                        f"{o[way]['normalised_rms']:.2f} of its sigma rms"
                     )
         return "\n".join(lines)
 
@@ -196,9 +197,12 @@ class AidedNavigation(Shown):
 def finished(
     flt: ErrorStateFilter, record: ImuRecord, gnss: GnssFixes, used: GnssFixes,
     withheld: GnssFixes | None, measured: Sequence[Measurement], spec: ImuSpec,
-    outages: Outages | None,
+    outages: Outages | None, delays: Mapping[str, float],
 ) -> AidedNavigation:  # fmt: skip
-    """Return the result of a filter that has taken its record."""
+    """Return the result of a filter that has taken its record.
+
+    `delays` were taken off the times of fixes by the aid's name: estimates are what is left.
+    """
     history = flt.history()
     forward = _path(
         history.time, history.quat_nb, history.v_n, history.quat_ne, history.height,
@@ -224,13 +228,23 @@ def finished(
         refused[name] = int(np.sum(each[3] == 0.0))
     score = None
     if withheld is not None and outages is not None:
-        score = _scores(outages, withheld, innovations[WITHHELD], flt, smoothed, path, record)
+        score = _scores(
+            outages,
+            withheld,
+            innovations[WITHHELD],
+            flt,
+            smoothed,
+            forward,
+            path,
+            record,
+            delays[used.name],
+        )
     taken = innovations[used.name]
     gaps = _gaps(taken[0][taken[3] > 0.0], record)
     contradictions = [*gnss.contradictions(), *_contradictions(used, refused, counts, taken)]
     warnings = _warnings(gnss, flt, gaps, outages)
     return AidedNavigation(
-        path, forward, estimates(flt, measured), counts, refused, innovations, score,
+        path, forward, estimates(flt, measured, delays), counts, refused, innovations, score,
         tuple(warnings), tuple(contradictions), gaps, spec,
         EpochStates.of(flt, record.start, smoothed), covariances, levers(flt, measured),
     )  # fmt: skip
@@ -303,31 +317,34 @@ def _smoothed_path(flt: ErrorStateFilter, smoothed: Smoothed, name: str) -> Traj
 
 def _scores(
     outages: Outages, withheld: GnssFixes, taken: tuple[Array, Array, Array, Array],
-    flt: ErrorStateFilter, smoothed: Smoothed | None, path: Trajectory, record: ImuRecord,
+    flt: ErrorStateFilter, smoothed: Smoothed | None, forward_path: Trajectory,
+    path: Trajectory, record: ImuRecord, delay: float,
 ) -> dict[str, Any]:  # fmt: skip
+    stamp = taken[0] + delay
+    k = np.searchsorted(path.time, taken[0] - 1e-9)
+    k = np.minimum(k, len(path) - 1)
+    index = np.searchsorted(np.asarray(withheld.time), stamp - 1e-6)
+    noise = np.asarray(withheld.sigma)[index] ** 2
     spans = outages.spans(record.start, float(np.asarray(withheld.time)[-1]) + 1e-6)
-    forward = OutageScore.of(taken[0], taken[1], spans)
+    variance = forward_path.known("variances")[k, 6:9] + noise
+    forward = OutageScore.of(stamp, taken[1], variance, spans)
     out: dict[str, Any] = {
         "length_s": outages.length, "count": len(forward.horizontal), "forward": forward.to_dict(),
         "smoothed": None,
     }  # fmt: skip
     if smoothed is None:
         return out
-    k = np.searchsorted(path.time, taken[0] - 1e-9)
-    k = np.minimum(k, len(path) - 1)
-    index = np.searchsorted(np.asarray(withheld.time), taken[0] - 1e-9)
     lat, lon, height = (np.asarray(x)[index] for x in (withheld.lat, withheld.lon, withheld.height))
     meridian, transverse = radii(lat)
     lever = np.asarray(withheld.lever, np.float64)
-    delay = withheld.delay
     name = f"{withheld.name}.lever"
     lever_now = np.broadcast_to(lever, (len(k), 3))
     if name in flt.layout:
         lever_now = _smoothed_values(flt, smoothed, name, lever)[k]
     name = f"{withheld.name}.delay"
-    delay_now = np.full(len(k), delay)
+    delay_now = np.zeros(len(k))
     if name in flt.layout:
-        delay_now = _smoothed_values(flt, smoothed, name, np.array([delay]))[k, 0]
+        delay_now = _smoothed_values(flt, smoothed, name, np.zeros(1))[k, 0]
     assert path.v_n is not None
     assert path.quat_nb is not None
     antenna = np.einsum("iab,ib->ia", quat_to_matrix(path.quat_nb[k]), lever_now)
@@ -336,7 +353,9 @@ def _scores(
         ((path.lon[k] - lon + np.pi) % (2.0 * np.pi) - np.pi) * (transverse + height) * np.cos(lat),
         (path.lat[k] - lat) * (meridian + height), path.height[k] - height,
     ]) + antenna  # fmt: skip
-    out["smoothed"] = OutageScore.of(taken[0], error, spans).to_dict()
+    out["smoothed"] = OutageScore.of(
+        stamp, error, path.known("variances")[k, 6:9] + noise, spans
+    ).to_dict()
     return out
 
 

@@ -104,21 +104,25 @@ class OutageScore:
     ----------
     horizontal, height : (k,) float64
         The largest in each.
+    normalised_rms : float
+        Of all errors over their sigma, that of the fix with it: 1 where sigma is right.
     """
 
     horizontal: Array
     height: Array
+    normalised_rms: float
 
     @classmethod
-    def of(cls, time: Array, error: Array, spans: Array) -> OutageScore:
-        """Make it of errors (n, 3) at times."""
+    def of(cls, time: Array, error: Array, variance: Array, spans: Array) -> OutageScore:
+        """Make it of errors (n, 3) and their variances at times."""
         level, up = [], []
         for first, last in spans:
             inside = (time > first) & (time <= last)
             if np.any(inside):
                 level.append(float(np.linalg.norm(error[inside, :2], axis=1).max()))
                 up.append(float(np.abs(error[inside, 2]).max()))
-        return cls(np.array(level), np.array(up))
+        ratio = float(np.sqrt(np.mean(error**2 / variance)))
+        return cls(np.array(level), np.array(up), ratio)
 
     def to_dict(self) -> dict[str, float]:
         """Return root mean squares and the median."""
@@ -126,4 +130,5 @@ class OutageScore:
             "rms_horizontal_m": float(np.sqrt(np.mean(self.horizontal**2))),
             "median_horizontal_m": float(np.median(self.horizontal)),
             "rms_height_m": float(np.sqrt(np.mean(self.height**2))),
+            "normalised_rms": self.normalised_rms,
         }

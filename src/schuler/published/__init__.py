@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 #: names, in the order in which they are run
-EXPERIMENTS = ("guo2015", "fang2006", "yu_emd", "du2016", "xu2017")
+EXPERIMENTS = ("guo2015", "fang2006", "yu_emd", "du2016", "xu2017", "niu2025")
 
 
 def run(

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import schuler as sc
+from schuler.aiding import BodyVelocity
 from schuler.alignment.moving.result import MovingAlignment
 from schuler.constants import ARCMIN, DEG, DEG_PER_HOUR
 from schuler.errors import InputError
@@ -128,6 +129,20 @@ def test_body_velocity_needs_the_latitude_and_a_good_gyro():
         sc.align(noisy(steady, MEMS, rng), SITE, aiding=body_speed(steady), spec=MEMS)
 
 
+def test_a_doppler_log_in_its_own_frame_is_the_same():
+    made = simulated("car", 120.0)
+    rng = np.random.default_rng(4)
+    speed = body_speed(made, sigma=0.02, rng=rng)
+    record = noisy(made, "navigation-fog", rng)
+    v = np.asarray(speed.value)
+    log = BodyVelocity(
+        speed.time, 1.01 * v[:, [1, 0, 2]] * [1.0, 1.0, -1.0], 0.02, frame="FRD", scale=0.01
+    )
+    one = sc.align(record, SITE, aiding=speed, spec="navigation-fog")
+    other = sc.align(record, SITE, aiding=log, spec="navigation-fog")
+    assert other.heading_deg == pytest.approx(one.heading_deg, abs=1e-6)
+
+
 def test_an_odometer_has_a_forward_speed_and_wheels():
     made = simulated("car", 120.0)
     rng = np.random.default_rng(5)
@@ -220,6 +235,15 @@ def test_a_span_without_acceleration_says_what_is_missing():
     _, record, gnss = drive(1, "straight")
     with pytest.raises(InputError, match="no acceleration in this span: brake or turn"):
         sc.align(record, aiding=gnss, spec=GRADE, span=(0.0, 20.0))
+
+
+def test_a_span_that_would_fill_the_memory_is_refused(monkeypatch):
+    from schuler.alignment.moving import fine
+
+    monkeypatch.setattr(fine, "_MEMORY", 1e5)
+    _, record, gnss = drive()
+    with pytest.raises(InputError, match=r"take one of at most 16 s \(--from, --to\)"):
+        sc.align(record, aiding=gnss, spec=GRADE)
 
 
 def test_bad_input_is_one_sentence():

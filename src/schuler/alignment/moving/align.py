@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.aiding import BodySpeed, GnssFixes
+from schuler.aiding import BodySpeed, BodyVelocity, GnssFixes
 from schuler.aiding.checks import check_speed
 from schuler.alignment.history import History
 from schuler.alignment.moving.body import body_rows
@@ -22,7 +23,7 @@ from schuler.alignment.moving.series import (
     position_series,
     velocity_series,
 )
-from schuler.alignment.moving.setup import Aid, Nominal, make_filter, measurements
+from schuler.alignment.moving.setup import Aid, Nominal, as_speed, make_filter, measurements
 from schuler.alignment.moving.span import (
     bias_at_rest,
     common_span,
@@ -53,6 +54,9 @@ _NOISIER = 1.2
 _AGREES = 1.3
 """Mean squared normalised innovation up to which the noise is what it was said to be."""
 
+_PROMPT = 0.005
+"""A delay that is longer than this is taken off the stamps, s."""
+
 _WRONG = 3.0
 """The same, beyond which record and aids contradict each other."""
 
@@ -61,17 +65,22 @@ _REFUSED = 0.3
 
 
 def align_moving(
-    record: ImuRecord, aiding: Aid | Sequence[Aid], site: Site | None = None,
-    spec: ImuSpec | str | Path | None = None, *, span: tuple[float | None, float | None] | None
-    = None, at: str = "end", vibration: float | None = None,
-) -> MovingAlignment:  # fmt: skip
+    record: ImuRecord,
+    aiding: Aid | BodyVelocity | Sequence[Aid | BodyVelocity],
+    site: Site | None = None,
+    spec: ImuSpec | str | Path | None = None,
+    *,
+    span: tuple[float | None, float | None] | None = None,
+    at: str = "end",
+    vibration: float | None = None,
+) -> MovingAlignment:
     """Align a vehicle that moves by what else was measured of its motion.
 
     Parameters
     ----------
     record : ImuRecord
         What lies before the span shows the gyro bias where the vehicle stood still.
-    aiding : GnssFixes, BodySpeed, or a sequence of them
+    aiding : GnssFixes, BodySpeed, BodyVelocity, or a sequence of them
         On the record's clock.
     site : Site, optional
         Where the vehicle is at the start of the span; needed without GNSS fixes.
@@ -92,15 +101,17 @@ def align_moving(
         missing.
     """
     expect(record, ImuRecord, "record", "read a file with schuler.read")
-    aids = [aiding] if isinstance(aiding, Aid) else list(aiding)
-    if not aids:
+    given = [aiding] if isinstance(aiding, Aid | BodyVelocity) else list(aiding)
+    if not given:
         raise InputError("an alignment in motion needs aids: give GnssFixes or a BodySpeed")
-    for aid in aids:
-        if not isinstance(aid, Aid):
+    for each in given:
+        if not isinstance(each, Aid | BodyVelocity):
             raise InputError(
-                f"aiding takes GnssFixes and BodySpeed, got {type(aid).__name__}: read a file "
-                "with schuler.io.read_gnss or read_speed"
+                "aiding takes GnssFixes, BodySpeed and BodyVelocity, got "
+                f"{type(each).__name__}: read a file with schuler.io.read_gnss, read_speed or "
+                "read_dvl"
             )
+    aids = [as_speed(each) for each in given]
     if at not in ("start", "end"):
         raise InputError(f"at must be start or end, got '{at}'")
     if vibration is not None and not (np.isfinite(vibration) and vibration >= 0.0):
@@ -121,8 +132,21 @@ def align_moving(
     bias, used_spec = bias_at_rest(record, part, leader, instrument)
     prepared = _Prepared(part, leader, aids, used_spec, bias, place_at_start(leader, part, site))
     first, rough = prepared.coarse()
-    found, measured, noise, square = prepared.fine(rough, first, vibration)
-    return _result(prepared, rough, found, measured, noise, square, instrument, warnings, at)
+    found, taken = prepared.fine(rough, first, vibration)
+    return _result(prepared, rough, found, taken, instrument, warnings, at)
+
+
+@dataclass(frozen=True, eq=False)
+class _Taken:
+    """What the filter took, and with which noise.
+
+    `restamped` is what was taken off the stamps of each aid, s.
+    """
+
+    measured: tuple[Measurement, ...]
+    restamped: dict[str, float]
+    noise: float
+    square: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +254,7 @@ class _Prepared:
 
     def fine(
         self, rough: CoarseAlignment, cut: Aid, vibration: float | None
-    ) -> tuple[FineAlignment, list[Measurement], float, float]:
+    ) -> tuple[FineAlignment, _Taken]:
         """Return the filter's result with the noise that its innovations agree with."""
         aids: list[Aid] = [cut if aid is self.leader else aid for aid in self.aids]
         measured = measurements(aids, self.record)
@@ -240,7 +264,36 @@ class _Prepared:
             square = _mean_square(found, measured)
             if square < _AGREES:
                 break
-        return found, measured, noise, square
+        late = _delays(found, measured)
+        moved = any(abs(each) > _PROMPT for each in late.values())
+        if moved:
+            # A delay is linear in the filter only where it is small: the stamps take most of it.
+            measured = [_restamped(each, late.get(each.label, 0.0), self.record)
+                        for each in measured]  # fmt: skip
+            found = fine(self.record, start, self.spec, noise, measured, aids)
+            square = _mean_square(found, measured)
+        return found, _Taken(tuple(measured), late if moved else {}, noise, square)
+
+
+def _delays(found: FineAlignment, measured: Sequence[Measurement]) -> dict[str, float]:
+    """Return the delay that was found of each aid whose delay is estimated, s."""
+    return {
+        aid.label: aid.delay + float(found.end.parameters[f"{aid.label}.delay"][0])
+        for aid in measured if f"{aid.label}.delay" in found.end.layout
+    }  # fmt: skip
+
+
+def _restamped(aid: Measurement, late: float, record: ImuRecord) -> Measurement:
+    """Return measurements with stamps that are earlier by a delay; what is left is estimated."""
+    if not late:
+        return aid
+    time = np.asarray(aid.time) - late
+    inside = (time >= record.start) & (time <= record.end)
+    cut: dict[str, Any] = {
+        name: np.asarray(getattr(aid, name))[inside] for name in ("value", "sigma")
+        if np.ndim(getattr(aid, name)) and len(getattr(aid, name)) == len(time)
+    }  # fmt: skip
+    return replace(aid, time=time[inside], delay=0.0, **cut)
 
 
 def _mean_square(found: FineAlignment, measured: Sequence[Measurement]) -> float:
@@ -256,9 +309,9 @@ def _mean_square(found: FineAlignment, measured: Sequence[Measurement]) -> float
 
 def _result(
     prepared: _Prepared, rough: CoarseAlignment, found: FineAlignment,
-    measured: list[Measurement], noise: float, square: float, spec: ImuSpec,
-    warnings: list[str], at: str,
+    taken: _Taken, spec: ImuSpec, warnings: list[str], at: str,
 ) -> MovingAlignment:  # fmt: skip
+    measured, noise, square = taken.measured, taken.noise, taken.square
     record = prepared.record
     state = found.end if at == "end" else found.start
     phi = state.covariance[:3, :3]
@@ -307,8 +360,9 @@ def _result(
         accel_bias=state.parameters["accelerometer_bias"],
         bias_covariance=state.covariance[np.ix_(pick, pick)], history=_history(record),
         summary=summariser.summary(),
-        inputs={"record": record.name}, state=state, coarse=rough, measured=tuple(measured),
+        inputs={"record": record.name}, state=state, coarse=rough, measured=measured,
         used=used, refused=refused, passes=found.passes, mean_square=square,
+        restamped=taken.restamped,
         epochs=found.filter.history(),
         innovations={aid.label: found.filter.innovations(aid.label) for aid in measured},
     )  # fmt: skip

@@ -20,6 +20,7 @@ from schuler.alignment.moving.setup import Aid, Nominal, layout_of, make_filter
 from schuler.attitude import multiply, quat_to_rotvec, rotvec_to_quat
 from schuler.constants import DEG
 from schuler.earth import radii
+from schuler.errors import InputError
 from schuler.ins import ErrorStateFilter, Layout, Measurement
 from schuler.ins.frames import east_angle, to_east_north_up
 from schuler.record import ImuRecord
@@ -34,6 +35,9 @@ _KNOWN = 2.0 * DEG
 
 _CHUNK = 5.0
 """How often that is looked at, s."""
+
+_MEMORY = 1.5e9
+"""Largest memory of a smoother, bytes."""
 
 _MOST_PASSES = 8
 _STILL = 0.1
@@ -195,6 +199,19 @@ def filtered_end(flt: ErrorStateFilter) -> tuple[FineState, dict[str, Array]]:
     return state, budget
 
 
+def _fits(measured: Sequence[Measurement], layout: Layout, record: ImuRecord) -> None:
+    """Refuse a span whose smoother would take more memory than an alignment is worth."""
+    count = len(np.unique(np.concatenate([np.asarray(aid.time) for aid in measured])))
+    needed = 3 * 8 * count * layout.padded**2
+    if needed > _MEMORY:
+        longest = (record.end - record.start) * _MEMORY / needed
+        raise InputError(
+            f"the span of {record.end - record.start:.6g} s has {count} instants of measurements, "
+            f"whose smoothing takes {needed / 1e9:.2g} GB: take one of at most {longest:.3g} s "
+            "(--from, --to); some minutes are enough for an attitude"
+        )
+
+
 def fine(
     record: ImuRecord, start: Nominal, spec: ImuSpec, vibration: float,
     measured: Sequence[Measurement], aids: Sequence[Aid], *, budget: bool = True,
@@ -215,8 +232,14 @@ def fine(
         They are from, for their priors.
     budget : bool
         Divide the last pass's covariance by source.
+
+    Raises
+    ------
+    InputError
+        If the span is so long that it would take too much memory.
     """
     layout = layout_of(spec, measured)
+    _fits(measured, layout, record)
     nominal, passes, moved = start, 0, np.inf
     while True:
         passes += 1

@@ -75,6 +75,8 @@ class MovingAlignment(Alignment):
         Of the filter over the span.
     mean_square : float
         Squared normalised innovations, on average: 1 where noise is as it was said to be.
+    restamped : dict of str to float
+        Part of an estimated delay that was taken off the stamps of the aid, s.
     epochs : EpochHistory
         What the last pass had after each measurement; n is the wander frame, East-North-Up at the
         start.
@@ -89,6 +91,7 @@ class MovingAlignment(Alignment):
     refused: dict[str, int] = field(kw_only=True)
     passes: int = field(kw_only=True)
     mean_square: float = field(kw_only=True)
+    restamped: dict[str, float] = field(kw_only=True)
     epochs: EpochHistory = field(kw_only=True, repr=False)
     innovations: dict[str, tuple[Array, Array, Array, Array]] = field(kw_only=True, repr=False)
 
@@ -128,7 +131,8 @@ class MovingAlignment(Alignment):
                 part = group.rpartition(".")[2]
                 value, spread = self.state.parameters[group], sigma[self.state.layout[group]]
                 if part == "delay":
-                    pair = [float(aid.delay + value[0]), float(spread[0])]
+                    whole = self.restamped.get(aid.label, 0.0) + aid.delay + value[0]
+                    pair = [float(whole), float(spread[0])]
                     out.setdefault("delay_s", {})[aid.label] = pair
                 elif part == "lever":
                     total = np.asarray(aid.lever, np.float64) + value

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.aiding import BodySpeed, GnssFixes
+from schuler.aiding import BodyVelocity as BodyVelocityAid
+from schuler.attitude import quat_to_matrix, rotvec_to_quat
 from schuler.constants import DEG
 from schuler.earth import Site
 from schuler.ins import (
@@ -29,11 +31,33 @@ from schuler.ins import (
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
 
-__all__ = ["DIFFUSE", "Aid", "Nominal", "layout_of", "make_filter", "measurements", "prior_sigma"]
+__all__ = [
+    "DIFFUSE",
+    "Aid",
+    "Nominal",
+    "as_speed",
+    "layout_of",
+    "make_filter",
+    "measurements",
+    "prior_sigma",
+]
 
 Array = NDArray[np.float64]
 
 Aid = GnssFixes | BodySpeed
+
+
+def as_speed(aid: Aid | BodyVelocityAid) -> Aid:
+    """Return the velocity of a Doppler log in the body's axes; other aids as they are."""
+    if not isinstance(aid, BodyVelocityAid):
+        return aid
+    turn = quat_to_matrix(rotvec_to_quat(np.asarray(aid.mount, np.float64)))
+    value = np.asarray(aid.velocity) @ turn / (1.0 + aid.scale)
+    sigma = float(np.sqrt(np.mean(np.square(np.asarray(aid.sigma)))))
+    return BodySpeed(
+        aid.time, value, sigma, aid.scale_sigma, aid.lever, aid.estimate, aid.name, aid.dropped
+    )
+
 
 DIFFUSE: dict[str, Any] = {
     "phi": np.array([5.0, 5.0, 60.0]) * DEG, "velocity": 10.0, "position": 100.0,
