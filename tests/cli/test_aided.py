@@ -71,6 +71,10 @@ def test_text_names_what_was_used(run: Run, files: tuple[Path, Path], tmp_path: 
         (("--gnss", "G", "--outage", "45s/15s"), "shorter than its period"),
         (("--gnss", "G", "--align", "30s"), "--align is for free-inertial"),
         (("--gnss", "G", "--heading", "40"), "needs its place"),
+        (("--gnss", "G", "--wheels", "rear"), "--wheels goes with --odometer"),
+        (("--gnss", "G", "--odometer-scale", "0.02"), "--odometer-scale goes with --odometer"),
+        (("--gnss", "G", "--nhc-lever", "0,-1,0"), "--nhc-lever goes with --nhc"),
+        (("--gnss", "G", "--nhc", "--nhc-lever", "0,-1"), "--nhc-lever: expected three numbers"),
         (("--gnss", "absent.csv"), "absent.csv"),
     ],
 )
@@ -141,3 +145,18 @@ def test_wrong_options_of_other_aids(
     ran = run("navigate", files[0], "--gnss", files[1], *more)
     assert ran.code == 2
     assert words in ran.err
+
+
+def test_pulses_from_the_rear_axle(run: Run, files: tuple[Path, Path], tmp_path: Path) -> None:
+    made, _ = drive(7, late=0.1)
+    way = np.cumsum(np.linalg.norm(made.truth.v_n, axis=1)) * 0.01
+    rows = np.column_stack([made.truth.time, np.floor(way / 0.02)])
+    np.savetxt(tmp_path / "p.csv", rows, "%.9g", ",", header="t,pulses", comments="")
+    ran = run("navigate", files[0], "--gnss", files[1], "--odometer", tmp_path / "p.csv",
+              "--odometer-scale", "0.0202", "--odometer-lever", "0,0,0", "--nhc", "--nhc-lever",
+              "0,0,0", "--estimate", "scale,delay", "--spec", "tactical-fog", "--json",
+              "-")  # fmt: skip
+    assert ran.code == 0, ran.err
+    value, sigma = json.loads(ran.out)["estimated"]["odometer_scale"]
+    assert value == pytest.approx(0.01, abs=max(4.0 * sigma, 1e-3))
+    assert "note: odometer: speed is pulses over 0.1 s" in ran.err

@@ -37,6 +37,8 @@ class BodySpeed:
     name : str
     dropped : mapping of str to int
         Rows that a reader has left out, by reason.
+    notes : tuple of str
+        How a reader has made the speed.
 
     Raises
     ------
@@ -52,6 +54,7 @@ class BodySpeed:
     estimate: tuple[str, ...] = ()
     name: str = "odometer"
     dropped: Mapping[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         time, value = np.asarray(self.time, np.float64), np.asarray(self.value, np.float64)

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["aiding_options", "navigate_with_aids", "taken"]
 
 _KEYS = (
-    "gnss", "gnss_sigma", "gnss_height", "gnss_topic", "lever", "delay", "odometer", "dvl",
+    "gnss", "gnss_sigma", "gnss_height", "gnss_topic", "lever", "delay", "odometer",
+    "odometer_scale", "wheels", "odometer_lever", "nhc_lever", "dvl",
     "dvl_frame", "dvl_lever", "height_file", "height_offset", "heading_file", "baseline",
     "aid_topic", "time_offset", "nhc", "zupt", "scale_states", "estimate", "smooth", "outage",
     "vibration", "robust",
@@ -57,7 +58,19 @@ def aiding_options(function: Any) -> Any:
             help="A fix stamped t is valid at t - S.",
         ),
         click.option(
-            "--odometer", type=InputFile(), metavar="FILE", help="Forward speed: time, speed."
+            "--odometer", type=InputFile(), metavar="FILE",
+            help="Forward speed: time, and speed, pulses, distance, or fl, fr, rl, rr.",
+        ),
+        click.option(
+            "--odometer-scale", type=Number(above=0.0, unit="m"), metavar="M",
+            help="Metres to a pulse of --odometer.",
+        ),
+        click.option(
+            "--wheels", type=click.Choice(["rear", "front", "all"]),
+            help="Of four wheels, which --odometer is the mean of (rear, the unsteered pair).",
+        ),
+        click.option(
+            "--odometer-lever", metavar="X,Y,Z", help="From IMU to the wheels of --odometer, m."
         ),
         click.option(
             "--dvl", type=InputFile(), metavar="FILE",
@@ -93,6 +106,10 @@ def aiding_options(function: Any) -> Any:
             "record's clock.",
         ),
         click.option("--nhc/--no-nhc", default=False, help="Wheels move neither sideways nor up."),
+        click.option(
+            "--nhc-lever", metavar="X,Y,Z",
+            help="From IMU to where wheels do not slip: the rear axle's middle, m.",
+        ),
         click.option("--zupt/--no-zupt", default=False, help="Use rest that the record shows."),
         click.option(
             "--scale-states/--no-scale-states", default=False,
@@ -250,13 +267,16 @@ def navigate_with_aids(
         raise InputError("--estimate mount needs --nhc, --odometer or --dvl, which show it")
     offsets, topics = _time_offsets(aids), _topics(aids)
     for option, file in (
-        ("dvl_frame", "dvl"), ("dvl_lever", "dvl"), ("baseline", "heading_file"),
+        ("dvl_frame", "dvl"), ("dvl_lever", "dvl"), ("odometer_scale", "odometer"),
+        ("wheels", "odometer"), ("odometer_lever", "odometer"), ("baseline", "heading_file"),
         ("height_offset", "height_file"),
     ):  # fmt: skip
         if aids[option] is not None and aids[file] is None:
             raise InputError(
                 f"--{option.replace('_', '-')} goes with --{file.replace('_', '-')}: give one"
             )
+    if aids["nhc_lever"] is not None and not aids["nhc"]:
+        raise InputError("--nhc-lever goes with --nhc: give it")
     sigma, v_sigma = _sigmas(aids["gnss_sigma"])
     topic, _, velocity_topic = (aids["gnss_topic"] or "").partition(",")
     gnss = read_gnss(
@@ -268,14 +288,16 @@ def navigate_with_aids(
     own = tuple(sorted(wanted & {"mount", "scale"}))
     speeds = [] if aids["odometer"] is None else [
         read_speed(aids["odometer"], estimate=own, offset=offsets.get("odometer", 0.0),
-                   topic=topics.get("odometer"))
+                   topic=topics.get("odometer"), pulse_length=aids["odometer_scale"],
+                   wheels=aids["wheels"], lever=_triple(aids["odometer_lever"], "--odometer-lever"))
     ]  # fmt: skip
     more_aids = _other_aids(aids, own, offsets, topics.get("dvl"))
     outages = None if aids["outage"] is None else Outages.parse(aids["outage"])
     more = {} if aids["vibration"] is None else {"vibration": aids["vibration"]}
+    axle = _triple(aids["nhc_lever"], "--nhc-lever")
     chosen = AidingOptions(
-        non_holonomic=aids["nhc"], zero_velocity=aids["zupt"], scale=aids["scale_states"],
-        robust=aids["robust"], smooth=aids["smooth"], **more,
+        non_holonomic=aids["nhc"], constraint_lever=axle, zero_velocity=aids["zupt"],
+        scale=aids["scale_states"], robust=aids["robust"], smooth=aids["smooth"], **more,
     )  # fmt: skip
     begin, end = options.pop("start"), options.pop("stop")
     source, finish = open_file(options)
@@ -296,6 +318,8 @@ def navigate_with_aids(
     if wants_text():
         echo(str(found))
     finish()
+    for note in (note for speed in speeds for note in speed.notes):
+        echo(f"note: {speeds[0].name}: {note}", err=True)
     quality = list(source.quality.warnings()) if source.quality else []
     say_warnings([*quality, *look.notes(None, at_rest=False), *found.warnings])
     if spec is None:

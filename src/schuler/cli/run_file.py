@@ -52,12 +52,17 @@ _PLACES: dict[str, dict[str, str]] = {
         "file": "gnss", "sigma": "gnss_sigma", "height": "gnss_height", "topic": "gnss_topic",
         "lever": "lever", "delay": "delay",
     },
-    "odometer": {"file": "odometer"},
+    "odometer": {
+        "file": "odometer", "scale": "odometer_scale", "wheels": "wheels",
+        "lever": "odometer_lever",
+    },
     "dvl": {"file": "dvl", "frame": "dvl_frame", "lever": "dvl_lever"},
     "height": {"file": "height_file", "offset": "height_offset"},
     "heading": {"file": "heading_file", "baseline": "baseline"},
     "aids": {"time_offset": "time_offset", "topic": "aid_topic"},
-    "filter": {key: key for key in ("nhc", "zupt", "estimate", "smooth", "outage", "robust")},
+    "filter": {key: key for key in (
+        "nhc", "nhc_lever", "zupt", "estimate", "smooth", "outage", "robust",
+    )},
     "output": {
         "every": "every", "at": "at", "out": "out_to", "format": "out_format",
         "reference": "reference", "json": "json_to", "report": "report_to",

@@ -57,7 +57,10 @@ def levers(flt: ErrorStateFilter, measured: Sequence[Measurement]) -> dict[str, 
 def estimates(
     flt: ErrorStateFilter, measured: Sequence[Measurement], delays: Mapping[str, float]
 ) -> dict[str, Any]:
-    """Return what was estimated with its 1-sigma: smoothed at the end equals the filter."""
+    """Return what was estimated with its 1-sigma: smoothed at the end equals the filter.
+
+    `delays` were taken off the times of fixes, by the aid's name: a state is what is left of one.
+    """
     sigma = np.sqrt(np.maximum(np.diag(flt.covariance), 0.0))
     layout = flt.layout
     out: dict[str, Any] = {}
