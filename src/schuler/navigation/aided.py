@@ -400,10 +400,12 @@ def _measurements(
     if options.zero_velocity:
         still = rests.time[rests.time > record.start + rests.window]
         if len(still):
+            # Between rests there is none to take for long: that says nothing of the navigation.
+            handling = replace(handling, guard_time=np.inf)
             rate = rests.rate[-len(still) :]
-            out.append(ZeroVelocity(still, 0.0, 0.02, name="zero_velocity"))
+            out.append(ZeroVelocity(still, 0.0, 0.02, name="zero_velocity", handling=handling))
             sigma = np.maximum(rests.rate_sigma, 1e-9)
-            out.append(ZeroRate(still, rate, sigma, name="zero_rate"))
+            out.append(ZeroRate(still, rate, sigma, name="zero_rate", handling=handling))
     return out
 
 
