@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.attitude import psi_to_heading
-from schuler.constants import DEG
+from schuler.constants import ARCMIN, DEG
 from schuler.navigation import AidedNavigation
 from schuler.navigation.aid_estimates import estimate_rows
+from schuler.navigation.evaluate import Evaluation, normalised_rms, sigma_at
 from schuler.reports.figures import (
     BLUE,
     GREY,
@@ -36,10 +37,15 @@ __all__ = ["aided_report"]
 
 Array = NDArray[np.float64]
 
+_GAP, _LEAST_GAP = 5.0, 1.0
+"""A line of innovations is broken over so many usual intervals, and s at least."""
+
 _AXES = (("east", BLUE), ("north", ORANGE), ("up", GREY))
 
 
-def aided_report(found: AidedNavigation, to: str | Path) -> None:
+def aided_report(
+    found: AidedNavigation, to: str | Path, evaluation: Evaluation | None = None
+) -> None:
     """Write the page.
 
     Parameters
@@ -47,6 +53,8 @@ def aided_report(found: AidedNavigation, to: str | Path) -> None:
     found : AidedNavigation
     to : str or Path
         The HTML file.
+    evaluation : Evaluation, optional
+        Against a reference: found errors are drawn over their sigma.
 
     Raises
     ------
@@ -78,10 +86,15 @@ def aided_report(found: AidedNavigation, to: str | Path) -> None:
         + contradiction_box(found.contradictions)
         + f'<p class="value">{value}</p><p class="sub">{sub}.</p>'
     )
+    against = []
+    if evaluation is not None:
+        against.append(Section("Against the reference", drawings=_errors(found, evaluation)))
+        rows += _error_rows(found, evaluation)
     write_page(
         to, f"Aided navigation: {path.name}", head,
         [
             Section("Where it went", drawings=[_way(found), _height(found), _heading(found)]),
+            *against,
             Section("Innovations", drawings=[_innovations(found, k) for k in found.innovations
                                              if k != "withheld"]),
             Section("Estimates", html=definition_table(rows, "At the end, ± 1 sigma")),
@@ -143,16 +156,57 @@ def _heading(found: AidedNavigation) -> Drawing:
     return Drawing(figure_of(traces, plot_layout(260, "time, s", "heading, deg")), text, text)
 
 
+def _error_rows(found: AidedNavigation, e: Evaluation) -> list[tuple[str, str]]:
+    told = e.to_dict()
+    ratio = normalised_rms(e, found.path)
+    said = ", ".join(f"{value:.2f} ({name})" for name, value in ratio.items() if value is not None)
+    return [
+        ("median horizontal error", f"{told['cep_m']:.4g} m against {escape(e.reference)}"),
+        ("found error over sigma, rms", said),
+    ]
+
+
+def _errors(found: AidedNavigation, e: Evaluation) -> list[Drawing]:
+    """Draw what was found of each error within three sigma."""
+    sigma = sigma_at(e, found.path)
+    drawn = [("position", e.position, 1.0, "m")]
+    if e.velocity is not None:
+        drawn.append(("velocity", e.velocity, 1.0, "m/s"))
+    if e.phi is not None:
+        drawn.append(("phi", e.phi, ARCMIN, "arcmin"))
+    k = _thin(len(e.time))
+    t, out = e.time[k], []
+    for what, error, unit, name in drawn:
+        for axis, (side, _) in enumerate(_AXES):
+            spread = sigma[what][k, axis] / unit
+            own = "attitude error phi" if what == "phi" else f"{what} error"
+            text = f"The {own} {side}, path minus reference, with three sigma about zero."
+            traces = [
+                _band(t, np.zeros(len(t)), spread), line_of(t, error[k, axis] / unit, "error", BLUE)
+            ]  # fmt: skip
+            layout = plot_layout(220, "time, s", f"{side}, {name}")
+            out.append(Drawing(figure_of(traces, layout), text, text))
+    return out
+
+
+def _with_breaks(time: Array, values: Array, k: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Return some of the points, with a gap of the line where there was one in time."""
+    step = np.diff(time)
+    long = np.flatnonzero(step > max(_GAP * float(np.median(step)), _LEAST_GAP)) + 1
+    at = np.searchsorted(k, long)
+    return np.insert(time[k], at, time[long]), np.insert(values[k], at, np.nan)
+
+
 def _innovations(found: AidedNavigation, aid: str) -> Drawing:
     time, z, sigma, weight = found.innovations[aid]
-    k = _thin(len(time))
     traces = []
     for axis, (name, colour) in enumerate(_AXES):
-        seen = sigma[k, axis] > 0.0
+        seen = sigma[:, axis] > 0.0
         if np.any(seen):
-            ratio = z[k, axis][seen] / sigma[k, axis][seen]
+            ratio = z[seen, axis] / sigma[seen, axis]
             label = name if "gnss" in aid else f"axis {axis + 1}"
-            traces.append(line_of(time[k][seen], ratio, label, colour))
+            t, ratio = _with_breaks(time[seen], ratio, _thin(len(ratio)))
+            traces.append(line_of(t, ratio, label, colour))
     out = np.flatnonzero(weight == 0.0)[:POINTS]
     if len(out):
         go = graph_objects()
