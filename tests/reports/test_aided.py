@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from schuler.navigation import navigate_aided
-from schuler.reports.aided import _innovations, _with_breaks
+from schuler.reports.aided import _biases, _innovations, _with_breaks
 from tests.navigation.test_aided import QUIET, SPEC, drive
 
 
@@ -19,6 +19,21 @@ def test_innovations_are_not_drawn_across_gaps() -> None:
     broken = np.flatnonzero(np.isnan(line.y))
     assert len(broken) == 1
     assert line.x[broken[0] - 1] < 80.0 < 100.0 < line.x[broken[0] + 1]
+
+
+def test_biases_and_their_sigma_are_drawn_as_they_converge() -> None:
+    made, gnss = drive(4)
+    found = navigate_aided(made.record, gnss, spec=SPEC, options=QUIET)
+    drawn = _biases(found)
+    assert len(drawn) == 6
+    for axis in range(3):
+        band, line = drawn[3 + axis].figure.data
+        half = len(band.y) // 2
+        width = np.asarray(band.y)[:half] - np.asarray(band.y)[half:][::-1]
+        assert width[-1] < 0.5 * width[0]
+        value, sigma = (np.array(x)[axis] for x in found.estimated["accel_bias_ug"])
+        np.testing.assert_allclose(line.y[-1], value, rtol=1e-6)
+        np.testing.assert_allclose(width[-1], 6.0 * sigma, rtol=1e-3)
 
 
 def test_a_gap_is_kept_where_points_are_left_out() -> None:

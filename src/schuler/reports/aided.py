@@ -1,4 +1,4 @@
-"""The page of an aided navigation: way, height, attitude, innovations, estimates, score."""
+"""The page of an aided navigation: path, speed, attitude, errors, innovations, biases, score."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.attitude import psi_to_heading
-from schuler.constants import ARCMIN, DEG
+from schuler.constants import ARCMIN, DEG, DEG_PER_HOUR, MICRO_G
 from schuler.navigation import AidedNavigation
 from schuler.navigation.aid_estimates import estimate_rows
 from schuler.navigation.evaluate import Evaluation, normalised_rms, sigma_at
@@ -93,10 +93,12 @@ def aided_report(
     write_page(
         to, f"Aided navigation: {path.name}", head,
         [
-            Section("Where it went", drawings=[_way(found), _height(found), _heading(found)]),
+            Section("Where it went", drawings=[_way(found), _height(found), _speed(found),
+                                               _heading(found), *_tilt(found)]),
             *against,
             Section("Innovations", drawings=[_innovations(found, k) for k in found.innovations
                                              if k != "withheld"]),
+            Section("Biases of the instrument", drawings=_biases(found)),
             Section("Estimates", html=definition_table(rows, "At the end, ± 1 sigma")),
         ],
     )  # fmt: skip
@@ -154,6 +156,55 @@ def _heading(found: AidedNavigation) -> Drawing:
     text = "Heading clockwise from north, without jumps at 360 degrees, with three sigma."
     traces = [_band(path.time[k], heading, sigma), line_of(path.time[k], heading, "heading", BLUE)]
     return Drawing(figure_of(traces, plot_layout(260, "time, s", "heading, deg")), text, text)
+
+
+def _speed(found: AidedNavigation) -> Drawing:
+    path = found.path
+    k = _thin(len(path))
+    v_n = path.known("v_n")[k]
+    speed = np.linalg.norm(v_n, axis=1)
+    along = v_n / np.maximum(speed, 1e-9)[:, None]
+    sigma = np.sqrt(np.sum(along**2 * path.known("variances")[k, 3:6], axis=1))
+    text = "Speed over ground, with three sigma."
+    traces = [_band(path.time[k], speed, sigma), line_of(path.time[k], speed, "speed", BLUE)]
+    return Drawing(figure_of(traces, plot_layout(260, "time, s", "speed, m/s")), text, text)
+
+
+def _tilt(found: AidedNavigation) -> list[Drawing]:
+    path = found.path
+    k = _thin(len(path))
+    tilt = np.sqrt(0.5 * (path.known("variances")[k, :2]).sum(axis=1)) / DEG
+    out = []
+    for name, axis in (("pitch", 1), ("roll", 2)):
+        angle = path.euler[k, axis] / DEG
+        text = f"{name.capitalize()}, with three sigma."
+        traces = [_band(path.time[k], angle, tilt), line_of(path.time[k], angle, name, BLUE)]
+        layout = plot_layout(220, "time, s", f"{name}, deg")
+        out.append(Drawing(figure_of(traces, layout), text, text))
+    return out
+
+
+def _biases(found: AidedNavigation) -> list[Drawing]:
+    """Draw what the filter's biases are with three sigma, an axis to a line."""
+    epochs = found.epochs
+    k = _thin(len(found.path))
+    time, values = epochs.rows[1:, 0][k], epochs.estimates[1:][k]
+    out = []
+    for group, first, what, unit, word in (
+        ("gyro_bias", 9, "Gyro", DEG_PER_HOUR, "deg/h"),
+        ("accelerometer_bias", 12, "Accelerometer", MICRO_G, "ug"),
+    ):
+        bias = values[:, epochs.layout[group]] / unit
+        sigma = np.sqrt(found.path.known("variances")[k, first : first + 3]) / unit
+        for axis, side in enumerate(("right", "forward", "up")):
+            text = f"{what} bias, {side} axis, with three sigma."
+            traces = [
+                _band(time, bias[:, axis], sigma[:, axis]),
+                line_of(time, bias[:, axis], "bias", BLUE),
+            ]
+            layout = plot_layout(200, "time, s", f"{side}, {word}")
+            out.append(Drawing(figure_of(traces, layout), text, text))
+    return out
 
 
 def _error_rows(found: AidedNavigation, e: Evaluation) -> list[tuple[str, str]]:
