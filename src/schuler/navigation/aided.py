@@ -189,11 +189,11 @@ def navigate_aided(
     handling = Handling(gate=_GATE, robust=options.robust)
     added = groups_of(own)
     own_noise = {name: group.noise for name, group in added.items()}
-    own_start = {name: group.start for name, group in added.items()}
     priors: dict[str, Any] = {
         **{f"{speed.name}.scale": speed.scale_sigma for speed in speeds}, **aid_priors(known),
         **{name: group.sigma for name, group in added.items()},
     }  # fmt: skip
+    starts = {name: group.start for name, group in added.items()}
     # Fixes are taken when they are valid: a delay that is found to be long is taken off the times,
     # and the record navigated again. A row of H is good to first order in what is left of it.
     delays = dict.fromkeys((used.name, f"{used.name}_velocity"), used.delay)
@@ -214,7 +214,7 @@ def navigate_aided(
             measured.append(OutputEpoch(more, name=OUTPUT))
         flt = ErrorStateFilter(
             layout, begin.site, begin.quat_nb, covariance, noise, [*measured, *own],
-            v_n=begin.v_n, parameters={"gyro_bias": bias, **own_start}, smooth=options.smooth,
+            v_n=begin.v_n, parameters={"gyro_bias": bias, **starts}, smooth=options.smooth,
             step=0.1,
         )  # fmt: skip
         for begun in range(0, len(record), _WATCHED):
@@ -294,11 +294,7 @@ def _common(record: ImuRecord, gnss: GnssFixes) -> tuple[ImuRecord, GnssFixes]:
 
 
 def _rests(record: ImuRecord, gnss: GnssFixes) -> Rests:
-    speed = gnss.speed
-    if speed is None:
-        return find_rest(record)
-    beyond = speed > np.maximum(3.0 * np.asarray(gnss.v_sigma)[:, :2].max(axis=1), 0.2)
-    return find_rest(record, moving=(np.asarray(gnss.time) - gnss.delay, beyond))
+    return find_rest(record, moving=gnss.moving)
 
 
 def _bias_at_rest(record: ImuRecord, rests: Rests, spec: ImuSpec) -> tuple[Array, Array]:
