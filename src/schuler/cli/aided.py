@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from schuler import __version__
 from schuler.cli.command import CONTRADICTED, echo, wants_text
-from schuler.cli.common import Look, emit_json, open_file, progress, say_warnings
+from schuler.cli.common import Look, emit_json, open_file, progress, say_warnings, working
 from schuler.cli.parameters import InputFile, Number
 from schuler.cli.path_output import PathOutput, triple
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
-    from schuler.navigation import AidedNavigation, Start
+    from schuler.navigation import AidedNavigation, Evaluation, Start
     from schuler.navigation.aid_measurements import Aid
     from schuler.sensors import ImuSpec
+    from schuler.trajectory import Trajectory
 
 __all__ = ["aiding_options", "navigate_with_aids", "taken"]
 
@@ -251,11 +253,11 @@ def _other_aids(
 
 def navigate_with_aids(
     options: dict[str, Any], aids: dict[str, Any], start: Start | None, spec: ImuSpec | None,
-    outputs: tuple[PathOutput, Any, Any],
+    truth: Trajectory | None, outputs: tuple[PathOutput, Any, Any],
 ) -> int:  # fmt: skip
     """Run an aided navigation and say what came of it; return the exit code."""
     from schuler.io import read_gnss, read_speed
-    from schuler.navigation import AidingOptions, Outages, navigate_aided
+    from schuler.navigation import AidingOptions, Outages, evaluate, navigate_aided
     from schuler.record import ImuRecord
 
     out, json_to, report_to = outputs
@@ -304,19 +306,26 @@ def navigate_with_aids(
     look = Look(source)
     with progress(source, source.chunks(start=begin, stop=end)) as chunks:
         record = ImuRecord.concatenate(list(look.through(chunks)), quality=source.quality)
-    found = navigate_aided(
-        record, gnss, start=start, spec=spec, speeds=speeds, aids=more_aids, options=chosen,
-        outages=outages,
-    )  # fmt: skip
+    with working("navigating", len(record)) as watch:
+        found = navigate_aided(
+            record, gnss, start=start, spec=spec, speeds=speeds, aids=more_aids, options=chosen,
+            outages=outages, watch=watch,
+        )  # fmt: skip
+    evaluation = None
+    if truth is not None:
+        # At the samples: a reference may have more rows than there are epochs.
+        evaluation = evaluate(replace(out, every=1).of_aided(found, record), truth)
     out.write(out.of_aided(found, record))
     if json_to is not None:
-        emit_json(_data(found, source), json_to)
+        emit_json(_data(found, source, evaluation), json_to)
     if report_to is not None:
         from schuler.reports.aided import aided_report
 
-        aided_report(found, report_to)
+        aided_report(found, report_to, evaluation)
     if wants_text():
         echo(str(found))
+        if evaluation is not None:
+            echo(_against(found, evaluation))
     finish()
     for note in (note for speed in speeds for note in speed.notes):
         echo(f"note: {speeds[0].name}: {note}", err=True)
@@ -328,9 +337,29 @@ def navigate_with_aids(
     return CONTRADICTED if source.contradictions or not found.consistent else 0
 
 
-def _data(found: AidedNavigation, source: Any) -> dict[str, Any]:
+def _against(found: AidedNavigation, evaluation: Evaluation) -> str:
+    """Say how far a path is from its reference, and whether its sigma says so."""
+    from schuler.navigation.evaluate import normalised_rms
+
+    e = evaluation.to_dict()
+    rms = e["rms_m"]
+    ratio = normalised_rms(evaluation, found.path)["position"]
+    return (
+        f"error     {rms['east']:.3g} m east, {rms['north']:.3g} north, {rms['up']:.3g} up, rms "
+        f"against {evaluation.reference}; {ratio:.2f} of its sigma rms"
+    )
+
+
+def _data(found: AidedNavigation, source: Any, evaluation: Evaluation | None) -> dict[str, Any]:
+    from schuler.navigation.evaluate import normalised_rms
+
+    error = None
+    if evaluation is not None:
+        error = {
+            **evaluation.to_dict(), "normalised_rms": normalised_rms(evaluation, found.path)
+        }  # fmt: skip
     return {
         "schema": "schuler.navigation/3", "schuler": __version__, "file": str(source.path),
         **source.how_read(), "gravity": "somigliana", "vertical": "free", "alignment": None,
-        "error": None, **found.to_dict(),
+        "error": error, **found.to_dict(),
     }  # fmt: skip

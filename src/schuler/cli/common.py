@@ -36,7 +36,11 @@ __all__ = [
     "say_warnings",
     "site_options",
     "site_or_none",
+    "working",
 ]
+
+_LONG_WORK = 300_000
+"""Samples from which a bar shows how far a filter is."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -314,6 +318,23 @@ def progress(source: Source, chunks: Iterable[ImuRecord]) -> Iterator[Iterator[I
                 bar.update(task, completed=source.progress)
 
         yield watched()
+
+
+@contextmanager
+def working(what: str, samples: int) -> Iterator[Callable[[float], None] | None]:
+    """Give a function that shows a share of work as a bar, when a person watches and it is long."""
+    if not sys.stderr.isatty() or samples < _LONG_WORK:
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    with Progress(
+        TextColumn(what), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
+        TimeRemainingColumn(), console=Console(stderr=True), transient=True,
+    ) as bar:  # fmt: skip
+        task = bar.add_task(what, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
 
 
 class Look:

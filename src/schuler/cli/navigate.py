@@ -188,16 +188,18 @@ def _aided(
     spec: ImuSpec | None, align_for: float | None, against: Any, outputs: Any,
 ) -> int:  # fmt: skip
     """Navigate with aids, from a start that is given or found."""
-    for name, value in (("--align", align_for), ("--reference", against)):
-        if value is not None:
-            raise InputError(f"{name} is for free-inertial navigation: leave it out beside --gnss")
+    from schuler.io import read_trajectory
+
+    if align_for is not None:
+        raise InputError("--align is for free-inertial navigation: leave it out beside --gnss")
     place = site_or_none(options)
     start: Start | None = None
     if angles["heading"] is not None:
         if place is None:
             raise InputError("a start's attitude needs its place: say --lat, --lon and --height")
         start = _start(place, angles, velocity, None)
-    return navigate_with_aids(options, aids, start, spec, outputs)
+    truth = read_trajectory(against) if against else None
+    return navigate_with_aids(options, aids, start, spec, truth, outputs)
 
 
 def _velocity(text: str | None) -> tuple[float, float, float]:

@@ -9,7 +9,7 @@ Source: Groves (2013), chapters 14 and 16; Niu et al. (2025) for scale factors a
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -68,6 +68,9 @@ _GATE = 0.999999
 
 _DELAY_LEFT, _DELAY_PASSES = 0.01, 3
 """A delay (s) that a pass finds beyond the first is taken off the times, so many times at most."""
+
+_WATCHED = 100_000
+"""Samples between two words of progress; any chunking gives the same bits."""
 
 _VIBRATION = 0.03
 """Velocity random walk of a strapdown unit on a road vehicle, m/s/sqrt(s), at least."""
@@ -143,6 +146,7 @@ def navigate_aided(
     aids: Sequence[Aid | CustomMeasurement] = (),
     options: AidingOptions | None = None,
     outages: Outages | None = None,
+    watch: Callable[[float], None] | None = None,
 ) -> AidedNavigation:
     """Navigate a record with the help of GNSS fixes and whatever else was measured.
 
@@ -162,6 +166,9 @@ def navigate_aided(
     options : AidingOptions, optional
     outages : Outages, optional
         Spans whose fixes are withheld, and scored.
+    watch : callable, optional
+        Is told now and then which share of the record is done; more than once where a delay that
+        is found makes another pass.
 
     Raises
     ------
@@ -210,7 +217,10 @@ def navigate_aided(
             v_n=begin.v_n, parameters={"gyro_bias": bias, **starts}, smooth=options.smooth,
             step=0.1,
         )  # fmt: skip
-        flt.update(record)
+        for begun in range(0, len(record), _WATCHED):
+            flt.update(record.rows(begun, min(begun + _WATCHED, len(record))))
+            if watch is not None:
+                watch(min(1.0, (begun + _WATCHED) / len(record)))
         if not again or not _later(delays, flt, 2.0 * prior):
             break
     found = finished(flt, record, gnss, used, withheld, measured, instrument, outages, delays)
