@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 __all__ = ["align_in_motion", "motion_options", "motion_taken"]
 
 _AIDS = ("gnss", "odometer", "dvl")
-_KEYS = (*_AIDS, "dvl_frame", "dvl_lever", "gnss_sigma", "lever", "delay", "estimate", "vibration")
+_KEYS = (*_AIDS, "dvl_frame", "dvl_lever", "gnss_sigma", "lever", "delay", "estimate", "vibration",
+         "zupt")  # fmt: skip
 
 
 def motion_options(function: Any) -> Any:
@@ -57,6 +58,10 @@ def motion_options(function: Any) -> Any:
         click.option(
             "--vibration", type=Number(0.0, 10.0), metavar="M/S/SQRT(S)",
             help="Least velocity random walk on the vehicle (as the record shows it).",
+        ),
+        click.option(
+            "--zupt", is_flag=True, default=None,
+            help="Use rest of five seconds and more that record and fixes show.",
         ),
     ]  # fmt: skip
     for option in reversed(options):
@@ -135,6 +140,7 @@ def align_in_motion(
     finished : callable
         Adds what the reader knows to a result.
     """
+    from schuler.aiding import GnssFixes, ZeroVelocity
     from schuler.alignment import align
     from schuler.io.span import parse_record_time
     from schuler.sensors import load_spec
@@ -149,12 +155,14 @@ def align_in_motion(
     site = site_or_none(options, source)
     # What lies before the span may show rest, and with it the gyros' bias: it is read, too.
     record = _whole(source, span[1], calibration_from)
+    fixes = next((aid for aid in given if isinstance(aid, GnssFixes)), None)
+    rest = [ZeroVelocity.found(record, fixes)] if aids["zupt"] else []
     begin = None
     if span[0] is not None:
         seconds, relative = parse_record_time(span[0], "start")
         begin = seconds + (record.start if relative else 0.0)
     fix: Alignment = align(
-        record, site, None, spec, at=at, aiding=given, span=(begin, None),
+        record, site, None, spec, at=at, aiding=[*given, *rest], span=(begin, None),
         vibration=aids["vibration"],
     )  # fmt: skip
     fix = finished(fix, source, spec, calibration_from)
