@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 
 from schuler.constants import EARTH_RATE
-from schuler.earth import Site, earth_rate, gravity, radii, transport_rate
+from schuler.earth import (
+    Site,
+    earth_rate,
+    geocentric,
+    geodetic,
+    gravity,
+    moved,
+    radii,
+    transport_rate,
+)
 from schuler.errors import InputError
 
 # The four defining parameters of WGS-84 (NIMA TR8350.2, table 3.1); all else is derived here.
@@ -188,3 +197,23 @@ def test_site_refuses_what_is_not_a_place(values, sentence):
     with pytest.raises(InputError) as error:
         Site(*values)
     assert str(error.value) == sentence
+
+
+def test_positions_in_the_earths_axes_and_back():
+    rng = np.random.default_rng(2)
+    lat = np.concatenate([rng.uniform(-np.pi / 2, np.pi / 2, 200), [np.pi / 2, -np.pi / 2, 0.0]])
+    lon = rng.uniform(-np.pi, np.pi, len(lat))
+    height = rng.uniform(-500.0, 20_000.0, len(lat))
+    found = geodetic(geocentric(lat, lon, height))
+    np.testing.assert_allclose(found[0], lat, atol=1e-14)
+    np.testing.assert_allclose(found[1][:200], lon[:200], atol=1e-10)
+    np.testing.assert_allclose(found[2], height, atol=1e-8)
+
+
+def test_a_step_over_the_pole_and_the_date_line():
+    lat, lon, height = moved(np.pi / 2 - 1e-7, 0.5, 10.0, [0.0, 2.0, 0.0])
+    assert lat == pytest.approx(np.pi / 2 - (2.0 / 6399593.6 - 1e-7), abs=1e-12)
+    assert lon == pytest.approx(0.5 - np.pi)
+    assert height == pytest.approx(10.0, abs=1e-5)
+    _, lon, _ = moved(0.0, np.pi - 1e-7, 0.0, [2.0, 0.0, 0.0])
+    assert lon == pytest.approx(-np.pi - 1e-7 + 2.0 / 6378137.0, abs=1e-12)

@@ -7,10 +7,19 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from schuler.attitude import rotate
 from schuler.constants import DEG, DEG_PER_HOUR, EARTH_RATE, MICRO_G
-from schuler.earth import Site
+from schuler.earth import Site, geocentric
 from schuler.errors import InputError
-from schuler.motion import DisturbedVehicle, Sea, Static, four_position, moored_ship
+from schuler.motion import (
+    DisturbedVehicle,
+    Manoeuvre,
+    Route,
+    Sea,
+    Static,
+    four_position,
+    moored_ship,
+)
 from schuler.sensors import GRADES, ImuSpec
 from schuler.simulation import Simulation, simulate
 
@@ -244,3 +253,21 @@ def test_a_bias_of_the_wrong_shape():
 def test_a_tilted_start_is_in_degrees():
     made = simulate(Static(359.0, 10.0, -20.0), SITE, 1.0)
     np.testing.assert_allclose(made.euler[0] / DEG, [1.0, 10.0, -20.0], atol=1e-12)
+
+
+def test_a_meridian_over_the_pole_is_as_on_a_map():
+    """Position, velocity and attitude in the Earth's axes go straight on."""
+    made = simulate(Route([Manoeuvre(20.0)], speed=20.0), Site(89.9990, 170.0), 20.0, 10.0)
+    t = made.truth
+    assert np.all(np.abs(t.lat) <= np.pi / 2)
+    assert set(np.degrees(t.lon).round(6)) == {170.0, -10.0}
+    place = geocentric(t.lat, t.lon, t.height)
+    step = np.diff(place, axis=0)
+    assert np.ptp(np.linalg.norm(step, axis=1)) < 1e-6
+    sl, cl, so, co = np.sin(t.lat), np.cos(t.lat), np.sin(t.lon), np.cos(t.lon)
+    north = np.column_stack([-sl * co, -sl * so, cl])
+    # The vehicle goes straight on: 400 m bend its velocity by 6e-5.
+    assert np.ptp(north * t.v_n[:, 1:2], axis=0).max() < 2e-3
+    ahead = rotate(t.quat_nb, np.broadcast_to([0.0, 1.0, 0.0], (len(t), 3)))
+    np.testing.assert_allclose(ahead * 20.0, t.v_n, atol=1e-9)
+    assert np.sign(t.v_n[[0, -1], 1]).tolist() == [1.0, -1.0]

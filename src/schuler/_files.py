@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import hashlib
 import itertools
 import json
@@ -240,7 +241,7 @@ def check_keys(table: Any, known: Iterable[str], where: str = "", prefix: str = 
     Raises
     ------
     InputError
-        Naming the first key that is unknown, and the known ones.
+        Naming the first key that is unknown, the nearest known one, and all known ones.
     """
     before = f"{where}: " if where else ""
     if not isinstance(table, dict):
@@ -249,7 +250,9 @@ def check_keys(table: Any, known: Iterable[str], where: str = "", prefix: str = 
     names = list(known)
     for key in table:
         if key not in names:
-            raise InputError(f"{before}unknown key '{prefix}{key}'; known: {', '.join(names)}")
+            near = difflib.get_close_matches(key, names, 1)
+            hint = f"did you mean '{prefix}{near[0]}'? known" if near else "known"
+            raise InputError(f"{before}unknown key '{prefix}{key}'; {hint}: {', '.join(names)}")
 
 
 def number(value: Any, what: str, unit: str = "") -> float:

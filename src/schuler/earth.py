@@ -9,10 +9,12 @@ from numbers import Real
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.constants import ARCSEC, DEG, EARTH_RATE, MGAL
+from schuler.constants import ARCSEC, DEG, EARTH_A, EARTH_E2, EARTH_F, EARTH_RATE, MGAL
 from schuler.errors import InputError, expect
 
-__all__ = ["Site", "earth_rate", "gravity", "radii", "transport_rate"]
+__all__ = [
+    "Site", "earth_rate", "geocentric", "geodetic", "gravity", "moved", "radii", "transport_rate",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -41,6 +43,63 @@ def radii(lat: ArrayLike) -> tuple[Array, Array]:
     out = np.empty((len(flat), 2))
     radii_many(flat, out)
     return out[:, 0].reshape(shape), out[:, 1].reshape(shape)
+
+
+def geocentric(lat: ArrayLike, lon: ArrayLike, height: ArrayLike) -> Array:
+    """Return positions in the Earth's axes (..., 3), m, from latitude, longitude (rad), height."""
+    lat, lon, height = (np.asarray(x, np.float64) for x in (lat, lon, height))
+    transverse = radii(lat)[1]
+    out = (transverse + height) * np.cos(lat)
+    along = (transverse * (1.0 - EARTH_E2) + height) * np.sin(lat)
+    return np.stack([out * np.cos(lon), out * np.sin(lon), along], axis=-1)
+
+
+def geodetic(position: ArrayLike) -> tuple[Array, Array, Array]:
+    """Return latitude, longitude (rad) and height (m) of positions (..., 3) in the Earth's axes.
+
+    Near the surface, to 1e-8 m, at the poles as well.
+
+    Examples
+    --------
+    >>> lat, lon, height = geodetic(geocentric(0.7, 3.1, 250.0))
+    >>> print(f"{lat:.9f} {lon:.9f} {height:.6f}")
+    0.700000000 3.100000000 250.000000
+    """
+    x, y, z = np.moveaxis(np.asarray(position, np.float64), -1, 0)
+    out = np.hypot(x, y)
+    minor = 1.0 - EARTH_F
+    # Bowring's angle, twice improved: the first guess is right on the ellipsoid.
+    angle = np.arctan2(z, out * minor)
+    for _ in range(3):
+        lat = np.arctan2(
+            z + EARTH_E2 / minor * EARTH_A * np.sin(angle) ** 3,
+            out - EARTH_E2 * EARTH_A * np.cos(angle) ** 3,
+        )
+        angle = np.arctan2(minor * np.sin(lat), np.cos(lat))
+    surface = EARTH_A * np.sqrt(1.0 - EARTH_E2 * np.sin(lat) ** 2)
+    return lat, np.arctan2(y, x), out * np.cos(lat) + z * np.sin(lat) - surface
+
+
+def moved(
+    lat: ArrayLike, lon: ArrayLike, height: ArrayLike, off_n: ArrayLike
+) -> tuple[Array, Array, Array]:
+    """Return latitude, longitude (rad) and height of points east, north and up of others.
+
+    By way of the Earth's axes, in which neither a pole nor the date line is special.
+
+    Parameters
+    ----------
+    lat, lon, height : (...) array_like
+        rad and m.
+    off_n : (..., 3) array_like
+        m.
+    """
+    lat, lon = np.asarray(lat, np.float64), np.asarray(lon, np.float64)
+    sl, cl, so, co = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
+    east, north, up = np.moveaxis(np.asarray(off_n, np.float64), -1, 0)
+    out = cl * up - sl * north
+    step = np.stack([co * out - so * east, so * out + co * east, sl * up + cl * north], axis=-1)
+    return geodetic(geocentric(lat, lon, height) + step)
 
 
 def gravity(lat: ArrayLike, height: ArrayLike = 0.0) -> Array:

@@ -48,7 +48,9 @@ class Simulation:
     v_n : (n + 1, 3) float64
         True velocity at the start and at each sample's time: east, north, up, m/s.
     position : (n + 1, 3) float64
-        True latitude (rad), longitude (rad), height (m).
+        True latitude (rad), longitude (rad), height (m) along the route: latitude grows beyond 90
+        deg where a meridian is followed over the pole, and longitude beyond 180; `truth` has both
+        as on a map.
     gyro, accelerometer : Imperfections
         The constant errors of the instrument.
     """
@@ -71,10 +73,10 @@ class Simulation:
             k = np.arange(a, min(a + _CHUNK, n), dtype=np.float64)
             parts.append(self.motion.track(self.step * k).quat_nb)
         time = self.start + self.step * np.arange(n, dtype=np.float64)
-        lat, lon, height = self.position.T
-        return Trajectory(
-            time, lat, lon, height, self.v_n, np.concatenate(parts), name="truth"
-        )  # fmt: skip
+        lat, lon, v_n, quat_nb = _over_the_pole(
+            self.position[:, 0], self.position[:, 1], self.v_n, np.concatenate(parts)
+        )
+        return Trajectory(time, lat, lon, self.position[:, 2], v_n, quat_nb, name="truth")
 
     def euler_at(self, row: int) -> Array:
         """Return the true (psi, theta, gamma), rad, (3,), at a row (-1 is the end)."""
@@ -174,6 +176,28 @@ def simulate(
     if spec is not None and spec.dropout and rng is not None:
         record = drop_out(record, spec.dropout, rng)
     return Simulation(record, motion, start, step, v_n, position, gyro, accelerometer)
+
+
+def _over_the_pole(
+    lat: Array, lon: Array, v_n: Array, quat_nb: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Return latitude, longitude, velocity and attitude as on a map.
+
+    Beyond a pole the axes of a route point south and west.
+    """
+    over = np.abs(lat) > 0.5 * np.pi
+    if np.any(over):
+        lat, lon, v_n, quat_nb = lat.copy(), lon.copy(), v_n.copy(), quat_nb.copy()
+        lat[over] = np.copysign(np.pi, lat[over]) - lat[over]
+        lon[over] += np.pi
+        v_n[over, :2] *= -1.0
+        # Half a turn about up, on the left: (0, 0, 0, 1) q.
+        w, x, y, z = quat_nb[over].T
+        quat_nb[over] = np.column_stack([-z, -y, x, w])
+    beyond = np.abs(lon) > np.pi
+    if np.any(beyond):
+        lon = np.where(beyond, np.remainder(lon + np.pi, 2.0 * np.pi) - np.pi, lon)
+    return lat, lon, v_n, quat_nb
 
 
 def _true_samples(

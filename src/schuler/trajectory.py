@@ -95,7 +95,7 @@ class Trajectory(Shown):
         return np.column_stack([self.lat, self.lon, self.height])
 
     def known(self, name: str) -> Array:
-        """Return ``"v_n"`` or ``"quat_nb"``, where there must be one.
+        """Return ``"v_n"``, ``"quat_nb"`` or ``"variances"``, where there must be one.
 
         Raises
         ------
@@ -104,7 +104,7 @@ class Trajectory(Shown):
         """
         value: Array | None = getattr(self, name)
         if value is None:
-            what = {"v_n": "velocity", "quat_nb": "attitude"}[name]
+            what = {"v_n": "velocity", "quat_nb": "attitude", "variances": "variances"}[name]
             raise InputError(f"the trajectory '{self.name}' has no {what}")
         return value
 

@@ -12,12 +12,20 @@ import pytest
 
 from schuler.attitude import quat_to_matrix
 from schuler.constants import DEG
-from schuler.io import write
+from schuler.io import write, write_trajectory
 from tests.navigation.test_aided import drive
 
 from .conftest import Ran
 
 Run = Callable[..., Ran]
+
+
+@pytest.fixture(scope="module")
+def truth(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made, _ = drive(7, late=0.1)
+    path = tmp_path_factory.mktemp("truth") / "truth.csv"
+    write_trajectory(made.truth.rows(slice(0, None, 10)), path)
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -69,8 +77,13 @@ def test_text_names_what_was_used(run: Run, files: tuple[Path, Path], tmp_path: 
         (("--gnss", "G", "--lever", "1,2"), "--lever: expected three numbers"),
         (("--gnss", "G", "--gnss-sigma", "x"), "--gnss-sigma: expected two numbers"),
         (("--gnss", "G", "--outage", "45s/15s"), "shorter than its period"),
+        (("--gnss", "G", "--reference", "no.csv"), "no.csv"),
         (("--gnss", "G", "--align", "30s"), "--align is for free-inertial"),
         (("--gnss", "G", "--heading", "40"), "needs its place"),
+        (("--gnss", "G", "--wheels", "rear"), "--wheels goes with --odometer"),
+        (("--gnss", "G", "--odometer-scale", "0.02"), "--odometer-scale goes with --odometer"),
+        (("--gnss", "G", "--nhc-lever", "0,-1,0"), "--nhc-lever goes with --nhc"),
+        (("--gnss", "G", "--nhc", "--nhc-lever", "0,-1"), "--nhc-lever: expected three numbers"),
         (("--gnss", "absent.csv"), "absent.csv"),
     ],
 )
@@ -141,3 +154,43 @@ def test_wrong_options_of_other_aids(
     ran = run("navigate", files[0], "--gnss", files[1], *more)
     assert ran.code == 2
     assert words in ran.err
+
+
+def test_pulses_from_the_rear_axle(run: Run, files: tuple[Path, Path], tmp_path: Path) -> None:
+    made, _ = drive(7, late=0.1)
+    way = np.cumsum(np.linalg.norm(made.truth.v_n, axis=1)) * 0.01
+    rows = np.column_stack([made.truth.time, np.floor(way / 0.02)])
+    np.savetxt(tmp_path / "p.csv", rows, "%.9g", ",", header="t,pulses", comments="")
+    ran = run("navigate", files[0], "--gnss", files[1], "--odometer", tmp_path / "p.csv",
+              "--odometer-scale", "0.0202", "--odometer-lever", "0,0,0", "--nhc", "--nhc-lever",
+              "0,0,0", "--estimate", "scale,delay", "--spec", "tactical-fog", "--json",
+              "-")  # fmt: skip
+    assert ran.code == 0, ran.err
+    value, sigma = json.loads(ran.out)["estimated"]["odometer_scale"]
+    assert value == pytest.approx(0.01, abs=max(4.0 * sigma, 1e-3))
+    assert "note: odometer: speed is pulses over 0.1 s" in ran.err
+
+
+def test_a_reference_scores_path_and_sigma(
+    run: Run, files: tuple[Path, Path], truth: Path, tmp_path: Path, root: Path
+) -> None:
+    schema = json.loads((root / "docs" / "navigation.schema.json").read_text(encoding="utf-8"))
+    more = ("--delay", "0.1", "--gnss-sigma", "0.05,0.05", "--spec", "tactical-fog", "--vibration",
+            "0.0001", "--smooth", "--reference", truth)  # fmt: skip
+    ran = run("navigate", files[0], "--gnss", files[1], *more, "--json", tmp_path / "n.json",
+              "--report", tmp_path / "n.html")  # fmt: skip
+    assert ran.code == 0, ran.err
+    data = json.loads((tmp_path / "n.json").read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator(schema).validate(data)
+    error = data["error"]
+    assert error["horizontal_m"] < 0.1
+    assert all(0.4 < ratio < 1.8 for ratio in error["normalised_rms"].values())
+    assert "of its sigma rms" in ran.out
+    page = (tmp_path / "n.html").read_text(encoding="utf-8")
+    assert "Against the reference" in page
+    assert "attitude error phi up" in page
+
+    # Of another point it is as far off as the lever is long.
+    ran = run("navigate", files[0], "--gnss", files[1], *more, "--at", "0,3,0", "--json", "-")
+    far = json.loads(ran.out)["error"]
+    assert far["horizontal_m"] == pytest.approx(3.0, abs=0.2)

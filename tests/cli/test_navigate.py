@@ -12,7 +12,7 @@ import pytest
 
 import schuler as sc
 from schuler.earth import Site
-from schuler.io.trajectory import read_trajectory, write_trajectory
+from schuler.io import read_trajectory, write_trajectory
 from schuler.motion import Manoeuvre, Route, Static
 from schuler.sensors import named_array
 from schuler.simulation import simulate
@@ -124,7 +124,7 @@ def test_mean_rates_of_four_gyros_in_a_file(run, tmp_path):
         ((*PLACE, "--heading", "20", "--gravity", "moon"), "gravity must be one of"),
         ((*PLACE, "--heading", "20", "--vertical", "up"), "vertical must be one of"),
         ((*PLACE, "--heading", "20", "--every", "0"), "from 1 to"),
-        ((*PLACE, "--heading", "20", "--out", "x.csv"), "expected a name in .parquet"),
+        ((*PLACE, "--heading", "20", "--out", "x.xml"), "expected a name in .parquet"),
         ((*PLACE, "--heading", "20", "--reference", "nothing.csv"), "no such file"),
         ((*PLACE, "--heading", "20", "--json", "no/where.json"), "no folder"),
     ],

@@ -125,7 +125,7 @@ def bench(tmp_path, monkeypatch):
     made = simulate(Static(30.0), sc.Site(40.0), 4.0, 20.0, GRADES["navigation-fog"], rng)
     sc.write(made.record, tmp_path / "ok.csv")
     sc.write(made.record, tmp_path / "ok.parquet")
-    from schuler.io.trajectory import write_trajectory
+    from schuler.io import write_trajectory
 
     write_trajectory(made.truth, tmp_path / "truth.parquet")
     (tmp_path / "link.csv").symlink_to("ok.csv")

@@ -185,7 +185,10 @@ def test_refuses(fields: dict[str, object], part: str) -> None:
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        ("gyros = 'deg/s'", "m.toml: unknown key 'gyros'; known: columns, gyro"),
+        (
+            "gyros = 'deg/s'",
+            "m.toml: unknown key 'gyros'; did you mean 'gyro'. known: columns, gyro",
+        ),
         ("gyro = deg/s", "m.toml: is not valid TOML"),
         ("gyro = 'zorkmid'", "m.toml: gyro: unknown unit 'zorkmid'"),
         (b"\xff\xfe", "m.toml: is not valid TOML"),

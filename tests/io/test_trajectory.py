@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import time
+from xml.etree import ElementTree as ET
+
 import numpy as np
 import pytest
 
@@ -24,7 +27,8 @@ def drive():
 @pytest.mark.parametrize(
     ("name", "layout"),
     [("a.parquet", "schuler"), ("a.csv", "schuler"), ("a.npz", "schuler"), ("a.csv", "pyins"),
-     ("a.parquet", "pyins"), ("a.txt", "psins")],
+     ("a.parquet", "pyins"), ("a.txt", "psins"), ("a.pq", "schuler"), ("a.jsonl", "schuler"),
+     ("a.jsonl", "pyins"), ("a.mat", "psins"), ("a.csv", "psins"), ("a.npz", "psins")],
 )  # fmt: skip
 def test_what_is_written_is_read_again(drive, tmp_path, name, layout):
     path, truth = tmp_path / name, drive.truth
@@ -119,3 +123,78 @@ def test_angles_in_rad_and_gzip(tmp_path):
     plain = tmp_path / "a.csv"
     plain.write_text("t,lat_rad,lon_rad,height\n0,0.7,0.2,1\n1,0.7,0.2,1\n")
     assert read_trajectory(plain).lat.tolist() == pytest.approx([0.7, 0.7])
+
+
+@pytest.mark.parametrize(
+    ("name", "layout"), [("a.mat", "psins"), ("a.npz", "schuler"), ("a.gpx", "schuler")]
+)
+def test_the_same_path_makes_the_same_bytes(drive, tmp_path, monkeypatch, name, layout):
+    sc.write_trajectory(drive.truth, tmp_path / name, layout=layout)
+    first = (tmp_path / name).read_bytes()
+    monkeypatch.setattr(time, "asctime", lambda *_: "Thu Jan  1 00:00:00 1970")
+    sc.write_trajectory(drive.truth, tmp_path / name, layout=layout)
+    assert (tmp_path / name).read_bytes() == first
+
+
+def test_psins_has_its_array_by_name(drive, tmp_path):
+    loadmat = pytest.importorskip("scipy.io").loadmat
+    sc.write_trajectory(drive.truth, tmp_path / "avp.mat", layout="psins")
+    avp = loadmat(str(tmp_path / "avp.mat"))["avp"]
+    truth = drive.truth
+    assert avp.shape == (len(truth), 10)
+    np.testing.assert_allclose(avp[:, 2], truth.euler[:, 0], atol=1e-14)  # counter-clockwise
+    np.testing.assert_allclose(avp[:, 3:6], truth.v_n)
+    np.testing.assert_allclose(avp[:, 6:], np.column_stack([truth.position, truth.time]))
+
+
+def over_the_date_line():
+    lon = np.radians([179.9998, 179.9999, -180.0 + 1e-5, -179.9998])
+    return sc.Trajectory(
+        np.arange(4.0), np.radians([10.0, 10.1, 10.2, 10.3]), lon, np.full(4, 5.0), name="a <b> & c"
+    )
+
+
+def test_gpx_has_a_segment_on_each_side_of_the_date_line(tmp_path):
+    gpxpy = pytest.importorskip("gpxpy")
+    sc.write_trajectory(over_the_date_line(), tmp_path / "a.gpx")
+    found = gpxpy.parse((tmp_path / "a.gpx").read_text(encoding="utf-8"))
+    assert found.tracks[0].name == "a <b> & c"
+    assert [len(segment.points) for segment in found.tracks[0].segments] == [2, 2]
+    point = found.tracks[0].segments[1].points[0]
+    assert (point.latitude, point.elevation, point.time) == (pytest.approx(10.2), 5.0, None)
+    assert point.longitude == pytest.approx(-180.0 + 1e-5, abs=1e-9)
+    assert "ellipsoid" in found.description
+
+
+def test_kml_has_a_line_on_each_side_of_the_date_line(tmp_path):
+    sc.write_trajectory(over_the_date_line(), tmp_path / "a.kml")
+    space = "{http://www.opengis.net/kml/2.2}"
+    found = ET.parse(tmp_path / "a.kml").getroot()
+    assert found.find(f"{space}Document/{space}name").text == "a <b> & c"
+    lines = [line.text.split() for line in found.iter(f"{space}coordinates")]
+    assert [len(line) for line in lines] == [2, 2]
+    assert [float(x) for x in lines[0][0].split(",")] == pytest.approx([179.9998, 10.0, 5.0])
+
+
+@pytest.mark.parametrize(
+    ("name", "layout", "words"),
+    [("a.gpx", "pyins", "in the layout of pyins as '.gpx'; use .parquet"),
+     ("a.mat", "schuler", "as '.mat'; use .parquet"), ("a", "schuler", "cannot write")],
+)  # fmt: skip
+def test_a_format_without_the_layout_is_refused(drive, tmp_path, name, layout, words):
+    with pytest.raises(InputError, match=words):
+        sc.write_trajectory(drive.truth, tmp_path / name, layout=layout)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [("[1, 2]", "line 3 is no JSON object"), ("{", "line 3 is not JSON"),
+     ('{"t_s": 2.0, "lat_deg": "x"}', "line 3 lacks a number")],
+)  # fmt: skip
+def test_damaged_json_lines_are_named(tmp_path, line, words):
+    row = '{"t_s": %d, "lat_deg": 1.0, "lon_deg": 2.0, "height_m": 3.0}\n'
+    path = tmp_path / "a.jsonl"
+    path.write_text(row % 0 + row % 1 + line + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match=words):
+        sc.read_trajectory(path)

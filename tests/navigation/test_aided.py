@@ -8,6 +8,7 @@ import pytest
 from schuler.aiding import GnssFixes
 from schuler.earth import Site, radii
 from schuler.errors import InputError
+from schuler.ins import Handling, StateGroup
 from schuler.io import Mapping, open_source, read_gnss
 from schuler.motion import Manoeuvre, Route
 from schuler.navigation import AidingOptions, Outages, navigate_aided
@@ -189,3 +190,61 @@ def test_without_smoothing_the_path_at_samples_steps_at_epochs_as_the_filter_doe
     np.testing.assert_allclose(path.v_n[at], found.path.v_n, atol=1e-9)
     with pytest.raises(InputError, match="at least 1"):
         found.at_samples(made.record, every=0)
+
+
+class Altimeter:
+    """Heights of a sensor with a scale and an offset that nobody knows: a group of two states."""
+
+    name, handling = "altimeter", Handling()
+    states = (StateGroup("altimeter.line", [20.0, 0.1], start=[5.0, 1.0]),)
+
+    def __init__(self, time, height):
+        self.time, self.height = time, height
+
+    def rows(self, state):
+        offset, scale = state.parameters["altimeter.line"]
+        z = offset + scale * state.height - self.height[state.index]
+        row = state.row({"position": [0.0, 0.0, scale], "altimeter.line": [1.0, state.height]})
+        return [z], [row], [0.05**2]
+
+
+def test_a_group_of_ones_own_is_estimated():
+    made, gnss = drive(3)
+    t = np.arange(3.0, 160.0, 0.5)
+    height = np.interp(t, made.truth.time, made.truth.height)
+    rng = np.random.default_rng(0)
+    own = Altimeter(t, 7.0 + 1.02 * height + 0.05 * rng.standard_normal(len(t)))
+    found = navigate_aided(made.record, gnss, spec=SPEC, options=QUIET, aids=[own])
+    value, sigma = np.array(found.estimated["own"]["altimeter.line"])
+    # Height hardly changes: offset and scale are seen together.
+    assert np.all(sigma > 0.0)
+    assert sigma[0] < 20.0
+    assert value @ [1.0, 100.0] == pytest.approx(7.0 + 102.0, abs=0.1)
+    assert found.used["altimeter"] == len(t)
+    assert "altimeter.line: " in str(found)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: StateGroup("deviation", 1.0), "named as aid.part"),
+        (lambda: StateGroup("phi.x", 1.0), "named as aid.part"),
+        (lambda: StateGroup("a.b", [1.0, 0.0]), "sigma must be positive"),
+        (lambda: StateGroup("a.b", [1.0, 2.0], start=[1.0]), "start must have 2"),
+        (lambda: StateGroup("a.b", np.inf), "sigma must be positive"),
+    ],
+)
+def test_groups_that_cannot_be(make, words):
+    with pytest.raises(InputError, match=words):
+        make()
+
+
+def test_two_groups_of_one_name_are_refused():
+    made, gnss = drive(3, length=60.0)
+    first, second = (Altimeter(np.array([30.0]), np.array([1.0])) for _ in range(2))
+    second.states = (StateGroup("altimeter.line", [1.0, 1.0]),)
+    with pytest.raises(InputError, match="add different states 'altimeter"):
+        navigate_aided(made.record, gnss, spec=SPEC, aids=[first, second])
+    second.states = ("altimeter.line",)
+    with pytest.raises(InputError, match="must be StateGroup"):
+        navigate_aided(made.record, gnss, spec=SPEC, aids=[second])

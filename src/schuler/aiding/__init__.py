@@ -12,6 +12,7 @@ from schuler.aiding.height import Height, pressure_height
 from schuler.aiding.speed import BodySpeed
 from schuler.aiding.still import RestDetector, Rests, find_rest
 from schuler.aiding.zero_rate import ZeroRate
+from schuler.aiding.zero_velocity import ZeroVelocity
 
 __all__ = [
     "CLOCKS",
@@ -24,6 +25,7 @@ __all__ = [
     "RestDetector",
     "Rests",
     "ZeroRate",
+    "ZeroVelocity",
     "find_rest",
     "no_overlap",
     "pressure_height",

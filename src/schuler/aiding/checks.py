@@ -136,8 +136,7 @@ def check_clock(record: ImuRecord, gnss: GnssFixes) -> None:
     use = (speed > _SLOW) & near
     if use.sum() < len(middle) / 4 or np.sqrt(np.mean(turn[use] ** 2)) < _TURNS:
         return
-    lags = np.arange(-_FARTHEST, _FARTHEST + 0.25, 0.5)
-    found = np.array([_correlation(stamps, angle, edges, turn, use, lag) for lag in lags])
+    lags, found = _correlations(stamps, angle, edges, turn, use)
     best, now = int(np.argmax(found)), float(found[len(lags) // 2])
     # The nearer to one, the less it takes to be clearly better than as stamped.
     clear = 1.0 - now > 3.0 * (1.0 - found[best]) + 0.05
@@ -152,15 +151,22 @@ def check_clock(record: ImuRecord, gnss: GnssFixes) -> None:
     )
 
 
-def _correlation(
-    stamps: Array, angle: Array, edges: Array, turn: Array, use: NDArray[np.bool_], lag: float
-) -> float:
-    """Return how turn rates of fixes agree with those of the record so much later."""
-    moved = edges + lag
-    rate = np.diff(np.interp(moved, stamps, angle)) / _BIN
-    inside = use & (moved[:-1] >= stamps[0]) & (moved[1:] <= stamps[-1])
-    if inside.sum() < _FEWEST:
-        return 0.0
-    a, b = turn[inside] - turn[inside].mean(), rate[inside] - rate[inside].mean()
-    size = np.sqrt(np.sum(a**2) * np.sum(b**2))
-    return float(np.sum(a * b) / size) if size > 0.0 else 0.0
+def _correlations(
+    stamps: Array, angle: Array, edges: Array, turn: Array, use: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Return lags, and how turn rates of fixes agree with those of the record so much later."""
+    most, n = round(_FARTHEST / _BIN), len(turn)
+    steps = np.arange(-most, most + 1)
+    grid = edges[0] + _BIN * np.arange(-most, n + most + 1)
+    rate = np.diff(np.interp(grid, stamps, angle)) / _BIN
+    known = (grid[:-1] >= stamps[0]) & (grid[1:] <= stamps[-1])
+    window = np.lib.stride_tricks.sliding_window_view
+    inside = window(known, n) & use
+    count = np.maximum(inside.sum(axis=1), 1)[:, None]
+    a, b = np.where(inside, turn, 0.0), np.where(inside, window(rate, n), 0.0)
+    a = np.where(inside, a - a.sum(axis=1, keepdims=True) / count, 0.0)
+    b = np.where(inside, b - b.sum(axis=1, keepdims=True) / count, 0.0)
+    size = np.sqrt(np.sum(a**2, axis=1) * np.sum(b**2, axis=1))
+    found = np.sum(a * b, axis=1) / np.maximum(size, 1e-300)
+    lags = np.asarray(_BIN * steps, np.float64)
+    return lags, np.asarray(np.where(inside.sum(axis=1) < _FEWEST, 0.0, found))

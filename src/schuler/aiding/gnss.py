@@ -193,6 +193,18 @@ class GnssFixes:
             return None
         return np.asarray(np.linalg.norm(np.asarray(self.v_n)[:, :2], axis=1))
 
+    @property
+    def moving(self) -> tuple[Array, NDArray[np.bool_]] | None:
+        """When the fixes are valid, and whether the speed is one beyond its noise; None without.
+
+        At rest one level speed in 300,000 is larger than five times the sigma of an axis.
+        """
+        speed = self.speed
+        if speed is None:
+            return None
+        noise = np.asarray(self.v_sigma)[:, :2].max(axis=1)
+        return np.asarray(self.time) - self.delay, speed > np.maximum(5.0 * noise, 0.2)
+
     def local(self) -> Array:
         """Return east, north, up of the first fix, m, (n, 3)."""
         lat, lon, height = (np.asarray(x) for x in (self.lat, self.lon, self.height))

@@ -37,6 +37,8 @@ class BodySpeed:
     name : str
     dropped : mapping of str to int
         Rows that a reader has left out, by reason.
+    notes : tuple of str
+        How a reader has made the speed.
 
     Raises
     ------
@@ -47,11 +49,12 @@ class BodySpeed:
     time: ArrayLike
     value: ArrayLike
     sigma: float = 0.1
-    scale_sigma: float = 0.01
+    scale_sigma: float = 0.02
     lever: ArrayLike = (0.0, 0.0, 0.0)
     estimate: tuple[str, ...] = ()
     name: str = "odometer"
     dropped: Mapping[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         time, value = np.asarray(self.time, np.float64), np.asarray(self.value, np.float64)

@@ -75,7 +75,7 @@ class Rests:
 def find_rest(
     record: ImuRecord,
     detector: RestDetector | None = None,
-    moving: tuple[Array, Array] | None = None,
+    moving: tuple[Array, NDArray[np.bool_]] | None = None,
 ) -> Rests:
     """Find when a vehicle stood still.
 

@@ -59,6 +59,10 @@ class AxesTest:
     mirrored: bool
 
 
+_DIGITS = 1e-13
+"""Part of a sum of squares below which its difference to another is rounding."""
+
+
 @lru_cache(maxsize=1)
 def _namings() -> tuple[Array, tuple[str, ...]]:
     """Return what the gyros are tried as (50, 3, 3), and the names of the first 48.
@@ -176,10 +180,9 @@ def _of_span(rows: Array, namings: Array) -> Array | None:
     mean = f_b.mean(axis=0)
     level = _level_axes(mean)
     turned, seen = bands.spectrum(theta), bands.spectrum((f_b - mean) @ level)
-    # -theta x f for each naming, in one product.
-    turns = np.einsum("kc,mac,ab->mkb", turned, namings, -_cross_matrix(mean) @ level)
-    lever = turns * (bands.frequency**2)[:, None]
-    return _log_likelihood(seen[None] - turns, lever, bands.edges)
+    # -theta x f for each naming is theta @ its matrix.
+    turning = np.einsum("mac,ab->mcb", namings, -_cross_matrix(mean) @ level)
+    return _log_likelihood(turned, seen, turning, bands)
 
 
 def _level_axes(f: Array) -> Array:
@@ -195,26 +198,47 @@ def _cross_matrix(f: Array) -> Array:
     return np.array([[0.0, -f[2], f[1]], [f[2], 0.0, -f[0]], [-f[1], f[0], 0.0]])
 
 
-def _log_likelihood(held: Spectrum, lever: Spectrum, edges: NDArray[np.int64]) -> Array:
-    """Return the log likelihood (k,) of k held forces, their noise estimated in bands.
+def _log_likelihood(turned: Spectrum, seen: Spectrum, turning: Array, bands: _Bands) -> Array:
+    """Return the log likelihood (m,) of each naming, the noise estimated in bands.
 
-    The lever arm's part is fitted for each.
+    What is left of the force is seen - turned @ turning - c f^2 (turned @ turning), c the lever
+    arm's part, fitted for each. Its power in a band follows from products that all namings share.
+
+    Parameters
+    ----------
+    turned, seen : (k, 3), (k, 2) complex128
+        Spectra of the rotation and of the force across the mean one.
+    turning : (m, 3, 2) float64
+        What makes of the rotation the force that it moves, for each naming.
+    bands : _Bands
     """
-    counts = np.diff(edges)
-    left = held
+    counts, first = np.diff(bands.edges), bands.edges[:-1]
+    square = bands.frequency[:, None, None] ** 2
+    own = (turned.conj()[:, :, None] * turned[:, None, :]).real
+    with_force = (turned.conj()[:, :, None] * seen[:, None, :]).real
+    force = np.add.reduceat(np.sum(np.abs(seen) ** 2, axis=1), first)
+
+    def power(product: Array) -> Array:
+        """Return the power of turned @ turning in each band, (m, b)."""
+        each = np.add.reduceat(product, first, axis=0)
+        return np.asarray(np.einsum("mcj,bcd,mdj->mb", turning, each, turning, optimize=True))
+
+    def cross(product: Array) -> Array:
+        each = np.add.reduceat(product, first, axis=0)
+        return np.asarray(np.einsum("mcj,bcj->mb", turning, each))
+
+    rotation, lever = power(own), power(square**2 * own)
+    held = force - 2.0 * cross(with_force) + rotation
+    shared = cross(square * with_force) - power(square * own)
+    # Below the digits of what was subtracted nothing is known.
+    least = np.maximum(_DIGITS * (force + rotation), 1e-300)
+    left = np.maximum(held, least)
     for _ in range(2):
-        weight = np.repeat(1.0 / _power(left, edges), counts, axis=1)[:, :, None]
-        top = np.sum((lever.conj() * held).real * weight, axis=(1, 2))
-        bottom = np.sum(np.abs(lever) ** 2 * weight, axis=(1, 2))
-        left = held - (top / np.maximum(bottom, 1e-300))[:, None, None] * lever
+        weight = counts / left
+        c = np.sum(shared * weight, axis=1) / np.maximum(np.sum(lever * weight, axis=1), 1e-300)
+        left = np.maximum(held - 2.0 * c[:, None] * shared + c[:, None] ** 2 * lever, least)
     # A Hann window leaves two thirds of the bins independent.
-    return np.asarray(-2.0 * np.log(_power(left, edges)) @ counts / 1.5)
-
-
-def _power(left: Spectrum, edges: NDArray[np.int64]) -> Array:
-    """Return the mean power of one axis in each band, (k, b)."""
-    total = np.add.reduceat(np.sum(np.abs(left) ** 2, axis=2), edges[:-1], axis=1)
-    return np.asarray(np.maximum(total / (2.0 * np.diff(edges)), 1e-300))
+    return np.asarray(-2.0 * np.log(left / (2.0 * counts)) @ counts / 1.5)
 
 
 def axes_text(found: AxesTest) -> str:

@@ -16,7 +16,7 @@ from schuler.record.spikes import spikes_warning
 from schuler.sensors import ImuSpec, SensorArray, load_array
 
 if TYPE_CHECKING:
-    from schuler.aiding import BodySpeed, BodyVelocity, GnssFixes
+    from schuler.aiding import BodySpeed, BodyVelocity, GnssFixes, ZeroVelocity
 
     Aid = BodySpeed | BodyVelocity | GnssFixes
 
@@ -33,7 +33,7 @@ def align(
     *,
     at: str = "end",
     array: SensorArray | str | None = None,
-    aiding: Aid | Sequence[Aid] | None = None,
+    aiding: Aid | Sequence[Aid | ZeroVelocity] | None = None,
     span: Span | None = None,
     vibration: float | None = None,
 ) -> Alignment:
@@ -53,7 +53,7 @@ def align(
         The instant of the attitude.
     array : SensorArray or str, optional
         Geometry of redundant gyros.
-    aiding : GnssFixes, BodySpeed, BodyVelocity, or a sequence of them, optional
+    aiding : GnssFixes, BodySpeed, BodyVelocity, or a sequence of them and of ZeroVelocity, optional
         What else was measured on a vehicle that moves, on the record's clock.
     span : (float or None, float or None), optional
         Begin and end, s in the record's time; the whole record when not given.

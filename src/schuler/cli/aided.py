@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from schuler import __version__
 from schuler.cli.command import CONTRADICTED, echo, wants_text
-from schuler.cli.common import Look, emit_json, open_file, progress, say_warnings
+from schuler.cli.common import Look, emit_json, open_file, progress, say_warnings, working
 from schuler.cli.parameters import InputFile, Number
+from schuler.cli.path_output import PathOutput, triple
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
-    from schuler.navigation import AidedNavigation, Start
+    from schuler.navigation import AidedNavigation, Evaluation, Start
     from schuler.navigation.aid_measurements import Aid
     from schuler.sensors import ImuSpec
+    from schuler.trajectory import Trajectory
 
 __all__ = ["aiding_options", "navigate_with_aids", "taken"]
 
 _KEYS = (
-    "gnss", "gnss_sigma", "gnss_height", "gnss_topic", "lever", "delay", "odometer", "dvl",
+    "gnss", "gnss_sigma", "gnss_height", "gnss_topic", "lever", "delay", "odometer",
+    "odometer_scale", "wheels", "odometer_lever", "nhc_lever", "dvl",
     "dvl_frame", "dvl_lever", "height_file", "height_offset", "heading_file", "baseline",
     "aid_topic", "time_offset", "nhc", "zupt", "scale_states", "estimate", "smooth", "outage",
     "vibration", "robust",
@@ -56,7 +60,19 @@ def aiding_options(function: Any) -> Any:
             help="A fix stamped t is valid at t - S.",
         ),
         click.option(
-            "--odometer", type=InputFile(), metavar="FILE", help="Forward speed: time, speed."
+            "--odometer", type=InputFile(), metavar="FILE",
+            help="Forward speed: time, and speed, pulses, distance, or fl, fr, rl, rr.",
+        ),
+        click.option(
+            "--odometer-scale", type=Number(above=0.0, unit="m"), metavar="M",
+            help="Metres to a pulse of --odometer.",
+        ),
+        click.option(
+            "--wheels", type=click.Choice(["rear", "front", "all"]),
+            help="Of four wheels, which --odometer is the mean of (rear, the unsteered pair).",
+        ),
+        click.option(
+            "--odometer-lever", metavar="X,Y,Z", help="From IMU to the wheels of --odometer, m."
         ),
         click.option(
             "--dvl", type=InputFile(), metavar="FILE",
@@ -91,13 +107,22 @@ def aiding_options(function: Any) -> Any:
             help="Added to times of gnss, odometer, dvl, height or heading, to bring them to the "
             "record's clock.",
         ),
-        click.option("--nhc", is_flag=True, help="Wheels move neither sideways nor up."),
-        click.option("--zupt", is_flag=True, help="Use rest that the record shows."),
-        click.option("--scale-states", is_flag=True, help="Estimate scale factors of the sensors."),
+        click.option("--nhc/--no-nhc", default=False, help="Wheels move neither sideways nor up."),
+        click.option(
+            "--nhc-lever", metavar="X,Y,Z",
+            help="From IMU to where wheels do not slip: the rear axle's middle, m.",
+        ),
+        click.option("--zupt/--no-zupt", default=False, help="Use rest that the record shows."),
+        click.option(
+            "--scale-states/--no-scale-states", default=False,
+            help="Estimate scale factors of the sensors.",
+        ),
         click.option(
             "--estimate", metavar="LIST", help="Of delay, lever, mount, scale, with commas."
         ),
-        click.option("--smooth", is_flag=True, help="Smooth afterwards, over the whole record."),
+        click.option(
+            "--smooth/--no-smooth", default=False, help="Smooth afterwards, over the whole record."
+        ),
         click.option(
             "--outage", metavar="TIME/PERIOD[+SHIFT]",
             help="Withhold fixes for TIME in each PERIOD, as 15s/45s, and score the prediction.",
@@ -133,13 +158,7 @@ def taken(options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _triple(text: str | None, option: str) -> tuple[float, float, float]:
-    if text is None:
-        return 0.0, 0.0, 0.0
-    try:
-        x, y, z = (float(cell) for cell in text.split(","))
-    except ValueError:
-        raise InputError(f"{option}: expected three numbers with commas, got '{text}'") from None
-    return x, y, z
+    return (0.0, 0.0, 0.0) if text is None else triple(text, option)
 
 
 def _pair(text: str, option: str) -> tuple[float, float]:
@@ -234,15 +253,14 @@ def _other_aids(
 
 def navigate_with_aids(
     options: dict[str, Any], aids: dict[str, Any], start: Start | None, spec: ImuSpec | None,
-    outputs: tuple[Any, Any, Any],
+    truth: Trajectory | None, outputs: tuple[PathOutput, Any, Any],
 ) -> int:  # fmt: skip
     """Run an aided navigation and say what came of it; return the exit code."""
     from schuler.io import read_gnss, read_speed
-    from schuler.io.trajectory import write_trajectory
-    from schuler.navigation import AidingOptions, Outages, navigate_aided
+    from schuler.navigation import AidingOptions, Outages, evaluate, navigate_aided
     from schuler.record import ImuRecord
 
-    out_to, json_to, report_to = outputs
+    out, json_to, report_to = outputs
     wanted = _estimates(aids["estimate"])
     rolling = aids["odometer"] is not None or aids["dvl"] is not None
     if "scale" in wanted and not rolling:
@@ -251,13 +269,16 @@ def navigate_with_aids(
         raise InputError("--estimate mount needs --nhc, --odometer or --dvl, which show it")
     offsets, topics = _time_offsets(aids), _topics(aids)
     for option, file in (
-        ("dvl_frame", "dvl"), ("dvl_lever", "dvl"), ("baseline", "heading_file"),
+        ("dvl_frame", "dvl"), ("dvl_lever", "dvl"), ("odometer_scale", "odometer"),
+        ("wheels", "odometer"), ("odometer_lever", "odometer"), ("baseline", "heading_file"),
         ("height_offset", "height_file"),
     ):  # fmt: skip
         if aids[option] is not None and aids[file] is None:
             raise InputError(
                 f"--{option.replace('_', '-')} goes with --{file.replace('_', '-')}: give one"
             )
+    if aids["nhc_lever"] is not None and not aids["nhc"]:
+        raise InputError("--nhc-lever goes with --nhc: give it")
     sigma, v_sigma = _sigmas(aids["gnss_sigma"])
     topic, _, velocity_topic = (aids["gnss_topic"] or "").partition(",")
     gnss = read_gnss(
@@ -269,35 +290,45 @@ def navigate_with_aids(
     own = tuple(sorted(wanted & {"mount", "scale"}))
     speeds = [] if aids["odometer"] is None else [
         read_speed(aids["odometer"], estimate=own, offset=offsets.get("odometer", 0.0),
-                   topic=topics.get("odometer"))
+                   topic=topics.get("odometer"), pulse_length=aids["odometer_scale"],
+                   wheels=aids["wheels"], lever=_triple(aids["odometer_lever"], "--odometer-lever"))
     ]  # fmt: skip
     more_aids = _other_aids(aids, own, offsets, topics.get("dvl"))
     outages = None if aids["outage"] is None else Outages.parse(aids["outage"])
     more = {} if aids["vibration"] is None else {"vibration": aids["vibration"]}
+    axle = _triple(aids["nhc_lever"], "--nhc-lever")
     chosen = AidingOptions(
-        non_holonomic=aids["nhc"], zero_velocity=aids["zupt"], scale=aids["scale_states"],
-        robust=aids["robust"], smooth=aids["smooth"], **more,
+        non_holonomic=aids["nhc"], constraint_lever=axle, zero_velocity=aids["zupt"],
+        scale=aids["scale_states"], robust=aids["robust"], smooth=aids["smooth"], **more,
     )  # fmt: skip
     begin, end = options.pop("start"), options.pop("stop")
     source, finish = open_file(options)
     look = Look(source)
     with progress(source, source.chunks(start=begin, stop=end)) as chunks:
         record = ImuRecord.concatenate(list(look.through(chunks)), quality=source.quality)
-    found = navigate_aided(
-        record, gnss, start=start, spec=spec, speeds=speeds, aids=more_aids, options=chosen,
-        outages=outages,
-    )  # fmt: skip
-    if out_to is not None:
-        write_trajectory(found.path, out_to)
+    with working("navigating", len(record)) as watch:
+        found = navigate_aided(
+            record, gnss, start=start, spec=spec, speeds=speeds, aids=more_aids, options=chosen,
+            outages=outages, watch=watch,
+        )  # fmt: skip
+    evaluation = None
+    if truth is not None:
+        # At the samples: a reference may have more rows than there are epochs.
+        evaluation = evaluate(replace(out, every=1).of_aided(found, record), truth)
+    out.write(out.of_aided(found, record))
     if json_to is not None:
-        emit_json(_data(found, source), json_to)
+        emit_json(_data(found, source, evaluation), json_to)
     if report_to is not None:
         from schuler.reports.aided import aided_report
 
-        aided_report(found, report_to)
+        aided_report(found, report_to, evaluation)
     if wants_text():
         echo(str(found))
+        if evaluation is not None:
+            echo(_against(found, evaluation))
     finish()
+    for note in (note for speed in speeds for note in speed.notes):
+        echo(f"note: {speeds[0].name}: {note}", err=True)
     quality = list(source.quality.warnings()) if source.quality else []
     say_warnings([*quality, *look.notes(None, at_rest=False), *found.warnings])
     if spec is None:
@@ -306,9 +337,29 @@ def navigate_with_aids(
     return CONTRADICTED if source.contradictions or not found.consistent else 0
 
 
-def _data(found: AidedNavigation, source: Any) -> dict[str, Any]:
+def _against(found: AidedNavigation, evaluation: Evaluation) -> str:
+    """Say how far a path is from its reference, and whether its sigma says so."""
+    from schuler.navigation.evaluate import normalised_rms
+
+    e = evaluation.to_dict()
+    rms = e["rms_m"]
+    ratio = normalised_rms(evaluation, found.path)["position"]
+    return (
+        f"error     {rms['east']:.3g} m east, {rms['north']:.3g} north, {rms['up']:.3g} up, rms "
+        f"against {evaluation.reference}; {ratio:.2f} of its sigma rms"
+    )
+
+
+def _data(found: AidedNavigation, source: Any, evaluation: Evaluation | None) -> dict[str, Any]:
+    from schuler.navigation.evaluate import normalised_rms
+
+    error = None
+    if evaluation is not None:
+        error = {
+            **evaluation.to_dict(), "normalised_rms": normalised_rms(evaluation, found.path)
+        }  # fmt: skip
     return {
         "schema": "schuler.navigation/3", "schuler": __version__, "file": str(source.path),
         **source.how_read(), "gravity": "somigliana", "vertical": "free", "alignment": None,
-        "error": None, **found.to_dict(),
+        "error": error, **found.to_dict(),
     }  # fmt: skip

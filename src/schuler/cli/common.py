@@ -13,6 +13,7 @@ import click
 from schuler.cli.command import echo
 from schuler.cli.completion import files
 from schuler.cli.parameters import InputFile, Number, OutputFile, RecordTime, Seconds
+from schuler.cli.run_file import mapping_of_run, note_mapping, save_run
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -35,7 +36,11 @@ __all__ = [
     "say_warnings",
     "site_options",
     "site_or_none",
+    "working",
 ]
+
+_LONG_WORK = 300_000
+"""Samples from which a bar shows how far a filter is."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -220,18 +225,23 @@ def open_file(
     Returns
     -------
     Source, callable
-        The second says what was assumed and noted, and saves the mapping where that is asked for;
-        call it once all has gone well, with ``notes=False`` where they are shown already.
+        The second says what was assumed and noted, and saves the mapping and the run where that is
+        asked for; call it once all has gone well, with ``notes=False`` where they are shown
+        already.
     """
     from schuler.io import Mapping, open_source
 
     said = {key: options.pop(key) for key in _MAPPING_KEYS}
     path, save = options.pop("file"), options.pop("save_mapping")
-    mapping = options.pop("mapping")
+    mapping, run_to = options.pop("mapping"), options.pop("save_run_to", None)
     base = Mapping.from_toml(mapping) if mapping else None
-    given = (base or Mapping()).merged(Mapping.from_cli(**said))
+    given = (mapping_of_run() or Mapping()).merged(base).merged(Mapping.from_cli(**said))
     if save and str(path) == "-":
         raise InputError("--save-mapping: standard input has no place to save it beside")
+    beside = Path(f"{path}.toml")
+    note_mapping((Mapping.from_toml(beside) if beside.is_file() else Mapping()).merged(given))
+    if run_to is not None and str(path) == "-":
+        raise InputError("--save-run: standard input cannot be read again; name the record's file")
     bias = None if spec is None else spec.gyro.bias
     source = open_source(
         path, given, max_gap=options.pop("max_gap"), keep_spikes=options.pop("keep_spikes"),
@@ -245,9 +255,10 @@ def open_file(
         for note in source.notes if notes else ():
             echo(f"note: {note}", err=True)
         if save:
-            sidecar = Path(f"{path}.toml")
-            before = Mapping.from_toml(sidecar) if sidecar.is_file() else Mapping()
-            before.merged(given).to_toml(sidecar)
+            before = Mapping.from_toml(beside) if beside.is_file() else Mapping()
+            before.merged(given).to_toml(beside)
+        if run_to is not None:
+            save_run(run_to)
 
     return source, finish
 
@@ -307,6 +318,23 @@ def progress(source: Source, chunks: Iterable[ImuRecord]) -> Iterator[Iterator[I
                 bar.update(task, completed=source.progress)
 
         yield watched()
+
+
+@contextmanager
+def working(what: str, samples: int) -> Iterator[Callable[[float], None] | None]:
+    """Give a function that shows a share of work as a bar, when a person watches and it is long."""
+    if not sys.stderr.isatty() or samples < _LONG_WORK:
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    with Progress(
+        TextColumn(what), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
+        TimeRemainingColumn(), console=Console(stderr=True), transient=True,
+    ) as bar:  # fmt: skip
+        task = bar.add_task(what, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
 
 
 class Look:

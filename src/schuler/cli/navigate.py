@@ -8,7 +8,7 @@ import click
 
 from schuler import __version__
 from schuler.cli.aided import aiding_options, navigate_with_aids, taken
-from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
+from schuler.cli.command import CONTRADICTED, echo, wants_text
 from schuler.cli.common import (
     Look,
     emit_json,
@@ -23,7 +23,9 @@ from schuler.cli.common import (
     site_or_none,
 )
 from schuler.cli.completion import specs
-from schuler.cli.parameters import Count, InputFile, Number, OutputFile, Seconds
+from schuler.cli.parameters import InputFile, Number, Seconds
+from schuler.cli.path_output import PathOutput, path_options
+from schuler.cli.run_file import RunCommand, save_run_option
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -39,7 +41,7 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 
-@click.command("navigate", cls=Command)
+@click.command("navigate", cls=RunCommand)
 @file_options
 @site_options
 @gravity_options
@@ -90,10 +92,7 @@ __all__ = ["command"]
     shell_complete=specs,
     help="The instrument: propagates the uncertainty as well.",
 )
-@click.option("--every", type=Count(1), metavar="N", help="Samples to a row of the path (1).")
-@click.option(
-    "--out", "out_to", type=OutputFile(".parquet", ".pq"), metavar="PARQUET", help="Write the path."
-)
+@path_options
 @click.option(
     "--reference",
     type=InputFile(),
@@ -101,6 +100,7 @@ __all__ = ["command"]
     help="Compare with this path (CSV with names, or Parquet).",
 )
 @aiding_options
+@save_run_option
 @json_option()
 @report_option("Write an interactive report.")
 def command(**options: Any) -> int:
@@ -108,10 +108,12 @@ def command(**options: Any) -> int:
 
     \b
       schuler navigate drive.csv --gnss car.pos --nhc --zupt --estimate delay,mount --smooth
+      schuler navigate drive.csv --gnss car.pos --nhc --out path.csv --save-run drive.toml
+      schuler navigate drive.toml --smooth
       schuler navigate flight.csv --lat 34.2 --lon 108.9 --height 100 --heading 40 --velocity 38,46,0
       schuler navigate truck.parquet --lat 34.2 --lon 108.9 --align 300s --reference truth.parquet
     """  # noqa: D301, E501
-    from schuler.io.trajectory import read_trajectory, write_trajectory
+    from schuler.io import read_trajectory
     from schuler.navigation import Navigator, evaluate, parse_gravity, parse_vertical
     from schuler.sensors import load_spec
 
@@ -121,14 +123,15 @@ def command(**options: Any) -> int:
     gravity, vertical = parse_gravity(options.pop("gravity")), parse_vertical(
         options.pop("vertical")
     )  # fmt: skip
-    spec, every = load_spec(options.pop("spec")), options.pop("every")
-    out_to, json_to, report_to = (options.pop(key) for key in ("out_to", "json_to", "report_to"))
+    spec = load_spec(options.pop("spec"))
+    out = PathOutput.taken(options, aided=options["gnss"] is not None)
+    json_to, report_to = options.pop("json_to"), options.pop("report_to")
     start, stop = options.pop("start"), options.pop("stop")
     against, aids = options.pop("reference"), taken(options)
     if aids["gnss"] is not None:
         options.update(start=start, stop=stop)
-        return _aided(options, aids, angles, velocity, spec, align_for, every, against,
-                      (out_to, json_to, report_to))  # fmt: skip
+        return _aided(options, aids, angles, velocity, spec, align_for, against,
+                      (out, json_to, report_to))  # fmt: skip
     if align_for is not None and any(v is not None for v in angles.values()):
         raise InputError("--align finds the attitude: leave out --heading, --pitch and --roll")
     if align_for is None and angles["heading"] is None:
@@ -152,14 +155,13 @@ def command(**options: Any) -> int:
             fix, flow = _align(flow, site, align_for, spec)
         begin = _start(site, angles, velocity, fix)
         navigator = Navigator(
-            begin, gravity=gravity, vertical=vertical, every=every or 1, spec=spec
+            begin, gravity=gravity, vertical=vertical, every=out.every_free, spec=spec
         )
         for chunk in flow:
             navigator.update(chunk)
     path = navigator.path()
     evaluation = evaluate(path, truth) if truth is not None else None
-    if out_to is not None:
-        write_trajectory(path, out_to)
+    out.write(out.of_free(path))
     if json_to is not None:
         emit_json(_data(path, navigator, source, fix, evaluation), json_to)
     if report_to is not None:
@@ -183,19 +185,21 @@ def command(**options: Any) -> int:
 
 def _aided(
     options: dict[str, Any], aids: dict[str, Any], angles: dict[str, float | None], velocity: Any,
-    spec: ImuSpec | None, align_for: float | None, every: int | None, against: Any, outputs: Any,
+    spec: ImuSpec | None, align_for: float | None, against: Any, outputs: Any,
 ) -> int:  # fmt: skip
     """Navigate with aids, from a start that is given or found."""
-    for name, value in (("--align", align_for), ("--every", every), ("--reference", against)):
-        if value is not None:
-            raise InputError(f"{name} is for free-inertial navigation: leave it out beside --gnss")
+    from schuler.io import read_trajectory
+
+    if align_for is not None:
+        raise InputError("--align is for free-inertial navigation: leave it out beside --gnss")
     place = site_or_none(options)
     start: Start | None = None
     if angles["heading"] is not None:
         if place is None:
             raise InputError("a start's attitude needs its place: say --lat, --lon and --height")
         start = _start(place, angles, velocity, None)
-    return navigate_with_aids(options, aids, start, spec, outputs)
+    truth = read_trajectory(against) if against else None
+    return navigate_with_aids(options, aids, start, spec, truth, outputs)
 
 
 def _velocity(text: str | None) -> tuple[float, float, float]:

@@ -51,8 +51,8 @@ def command(**options: Any) -> None:
     """  # noqa: D301
     from schuler.centrifuge.files import is_test
     from schuler.config import load_scenario, parse_overrides
-    from schuler.io import write
-    from schuler.io.trajectory import truth_path, write_trajectory
+    from schuler.io import write, write_trajectory
+    from schuler.io.trajectory import truth_path
 
     overrides = parse_overrides(options["overrides"])
     if is_test(options["scenario"]):

@@ -40,6 +40,7 @@ from schuler.ins.measurements import (
 )
 from schuler.ins.result import EpochHistory
 from schuler.ins.smoother import Epochs, Smoothed, smooth
+from schuler.ins.state_group import StateGroup, groups_of
 
 __all__ = [
     "SOURCES",
@@ -65,11 +66,13 @@ __all__ = [
     "SampleStates",
     "Smoothed",
     "State",
+    "StateGroup",
     "Velocity",
     "ZeroDisplacement",
     "ZeroForce",
     "ZeroRate",
     "ZeroVelocity",
+    "groups_of",
     "instrument_noise",
     "instrument_prior",
     "smooth",

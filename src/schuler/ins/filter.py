@@ -11,6 +11,7 @@ from schuler.attitude import nearest_quat
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.ins.dynamics import ProcessNoise
+from schuler.ins.late import Chunk, LatencyWindow, Span
 from schuler.ins.layout import Layout
 from schuler.ins.measurements import CustomMeasurement, Measurement, State, handled
 from schuler.ins.result import EpochHistory
@@ -79,6 +80,10 @@ class ErrorStateFilter:
         Let gravity alone couple tilt and velocity, for a vehicle that shakes and is stationary.
     vertical : bool
         False for a filter without a vertical channel.
+    max_latency : float
+        Seconds by which a measurement that is added may be late: states, samples and measurements
+        of that time are kept (`latency_bytes`), and the filter runs again from before it. The
+        result is that of the measurement in time, to the bit.
 
     Raises
     ------
@@ -107,10 +112,14 @@ class ErrorStateFilter:
         step: float = 0.1,
         force_at_rest: bool = False,
         vertical: bool = True,
+        max_latency: float = 0.0,
     ) -> None:
         from schuler.kernels import strapdown
         from schuler.kernels.error_state import run
 
+        if not 0.0 <= max_latency < np.inf:
+            raise InputError(f"a latency must be a time of 0 s or more, got {max_latency} s")
+        self._window = LatencyWindow(max_latency) if max_latency else None
         self._run: Callable[..., tuple[int, int, int, int]] = run
         self.layout, self.noise, self.aids = layout, noise, tuple(aids)
         n, size = layout.size, layout.padded
@@ -214,7 +223,8 @@ class ErrorStateFilter:
 
     def _enqueue(self, tables: Sequence[Array]) -> None:
         rows = np.concatenate([self._queue, *tables])
-        self._queue = rows[np.argsort(rows[:, kernel.M_TIME], kind="stable")]
+        # Those of one instant by their aid, in whichever order they have come.
+        self._queue = rows[np.lexsort((rows[:, kernel.M_AID], rows[:, kernel.M_TIME]))]
 
     # -- feeding -----------------------------------------------------------------------
 
@@ -224,19 +234,70 @@ class ErrorStateFilter:
         Raises
         ------
         InputError
-            For an aid that is not known, or measurements before the last sample.
+            For an aid that is not known, or measurements before the last sample by more than the
+            latency.
         """
         names = [aid.label for aid in self.aids if isinstance(aid, Measurement)]
         if measurement.label not in names:
             raise InputError(f"the filter has no aid '{measurement.label}'")
         table = measurement.table(names.index(measurement.label))
         first = float(table[0, kernel.M_TIME]) if len(table) else np.inf
+        if self._window is not None and self.samples and first <= self.time + _LATE:
+            self._take_late(measurement.label, table, first, self._window)
+            return
         if self.samples and first < self.time - _LATE:
             raise InputError(
                 f"{measurement.label}: a measurement at t = {first:.9g} s comes after the sample "
                 f"at t = {self.time:.9g} s was taken"
             )
         self._enqueue([table])
+
+    def _take_late(self, label: str, table: Array, first: float, window: LatencyWindow) -> None:
+        """Run again from before a measurement that is late."""
+        late = self.time - first
+        span = window.before(first - _LATE)
+        if late > window.latency + _LATE or span is None:
+            raise InputError(
+                f"{label}: a measurement at t = {first:.9g} s comes {late:.6g} s late, after the "
+                f"sample at t = {self.time:.9g} s; the filter takes {window.latency:g} s"
+            )
+        if span.chunks and not np.isfinite(span.time):
+            record = span.chunks[0].record
+            self._check_begin(first, float(record.time[0] - record.dt[0]))
+        chunks, taken = window.cut(span)
+        for name, array in span.arrays.items():
+            setattr(self, f"_{name}", array.copy())
+        for kept, count in zip(self._outputs, span.counts, strict=True):
+            del kept[count:]
+        self._enqueue([*taken, table])
+        for chunk in chunks:
+            self._keep_and_advance(chunk, window)
+
+    def _check_begin(self, first: float, begin: float) -> None:
+        if first < begin - _LATE:
+            raise InputError(
+                f"a measurement at t = {first:.9g} s is before the record, which starts at "
+                f"t = {begin:.9g} s"
+            )
+
+    def _keep_and_advance(self, chunk: Chunk, window: LatencyWindow) -> None:
+        """Take a chunk, and keep what it takes to do it again."""
+        now = self.time if self.samples else -np.inf
+        if window.wants_span(now):
+            arrays = {name: each for name, each in self.arrays().items() if name != "queue"}
+            window.begin(Span(now, arrays, tuple(map(len, self._outputs))))
+        before = self._queue
+        self._advance(chunk.record, chunk.inside)
+        window.keep(chunk, before[: len(before) - len(self._queue)].copy())
+
+    @property
+    def _outputs(self) -> tuple[list[Array], ...]:
+        return self._history, self._innovations, self._kept_x, self._kept_p
+
+    @property
+    def latency_bytes(self) -> int:
+        """Memory that is kept for measurements that are late: it does not grow with the record."""
+        return 0 if self._window is None else self._window.bytes
 
     def update(self, record: ImuRecord, inside: Array | None = None) -> ErrorStateFilter:
         """Take a chunk of samples and the measurements up to its end; return self.
@@ -267,11 +328,17 @@ class ErrorStateFilter:
         if inside is not None and not self._cfg[kernel.FIXED_PLACE]:
             raise InputError("intervals are for a fixed place")
         begin = float(record.time[0] - record.dt[0])
-        if not self.samples and len(self._queue) and self._queue[0, kernel.M_TIME] < begin - _LATE:
-            raise InputError(
-                f"a measurement at t = {self._queue[0, kernel.M_TIME]:.9g} s is before the record, "
-                f"which starts at t = {begin:.9g} s"
-            )
+        if not self.samples and len(self._queue):
+            self._check_begin(float(self._queue[0, kernel.M_TIME]), begin)
+        if self._window is None:
+            self._advance(record, inside)
+        else:
+            for piece in self._window.pieces(Chunk(record, inside)):
+                self._keep_and_advance(piece, self._window)
+        return self
+
+    def _advance(self, record: ImuRecord, inside: Array | None) -> None:
+        """Take samples and the measurements up to their end."""
         self._cfg[kernel.CONING] = not record.coning_corrected
         self._cfg[kernel.SCULLING] = not record.sculling_corrected
         due = self._queue[:, kernel.M_TIME]
@@ -304,7 +371,6 @@ class ErrorStateFilter:
             self._kept_x.append(keep_x[:done])
             self._kept_p.append(keep_p[:done])
         self._queue = self._queue[j:]
-        return self
 
     def _take_custom(self, j: int, outcomes: Array) -> None:
         from schuler.kernels.measurement_updates import H_ROWS, R_ROW, Z_ROW, take_rows
@@ -515,3 +581,5 @@ class ErrorStateFilter:
             raise InputError("the saved state of a filter is damaged: array 'queue'")
         for name in self._SAVED:
             setattr(self, f"_{name}", arrays[name].copy())
+        if self._window is not None:
+            self._window.clear()

@@ -514,7 +514,8 @@ class CustomMeasurement(Protocol):
 
     `rows` returns predicted minus measured (k,), the rows of H (k, n) and the variances (k,), for
     up to six numbers; errors are those that `schuler.ins` says, estimate minus truth but for the
-    sensors' errors, which are truth minus estimate.
+    sensors' errors, which are truth minus estimate. Where it has an attribute `states`, a sequence
+    of `StateGroup`, `schuler.navigation.navigate_aided` adds them to its filter.
     """
 
     @property

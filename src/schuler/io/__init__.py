@@ -23,7 +23,8 @@ from schuler.io.redundant import array_increments
 from schuler.io.registry import readers, register
 from schuler.io.source import Source
 from schuler.io.span import Span
-from schuler.io.trajectory import read_trajectory, write_trajectory
+from schuler.io.trajectory import read_trajectory
+from schuler.io.trajectory_write import write_trajectory
 from schuler.io.write import write
 from schuler.record import ImuRecord
 

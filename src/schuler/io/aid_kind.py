@@ -22,7 +22,19 @@ _TIMES = {"t", "time", "timestamp", "seconds", "gpst", "sow", "tow"}
 #: kind -> names of which a table of it has one, or all of a tuple
 _MARKS: dict[str, tuple[str | tuple[str, ...], ...]] = {
     "body-velocities": (("vx", "vy", "vz"), ("dvlx", "dvly", "dvlz")),
-    "speeds": ("speed", "odometer", "wheelspeed", "canspeed", "forwardspeed"),
+    "speeds": (
+        "speed",
+        "odometer",
+        "wheelspeed",
+        "canspeed",
+        "forwardspeed",
+        "pulses",
+        "pulsecount",
+        "odometerdistance",
+        ("rl", "rr"),
+        ("wheelspeedrl", "wheelspeedrr"),
+        ("wheelrl", "wheelrr"),
+    ),
     "headings": ("heading", "hdt", "azimuth", "compass", "trueheading"),
     "heights": ("height", "altitude", "alt", "depth", "pressure", "baroheight", "baroaltitude"),
 }

@@ -21,6 +21,7 @@ from schuler.io.gnss.ros import RosFixReader
 from schuler.io.gnss.table import matched
 from schuler.io.gnss.text import read_velocity
 from schuler.io.named_table import read_named
+from schuler.io.odometer import ODOMETER_NAMES, ForwardSpeed, forward_speed
 
 __all__ = ["read_gnss", "read_speed"]
 
@@ -36,6 +37,7 @@ _SPEED = {
     **dict.fromkeys(("vy", "vforward"), "forward"),
     **dict.fromkeys(("vz", "vup"), "up"),
     **dict.fromkeys(("sd", "sigma"), "sd"),
+    **ODOMETER_NAMES,
 }
 _RTK, _ON_A_VEHICLE = 0.02, 2.0
 """What a receiver says of a position below so many metres is too small for a moving antenna."""
@@ -219,15 +221,18 @@ def read_speed(
     offset: float = 0.0,
     topic: str | None = None,
     name: str = "odometer",
+    pulse_length: float | None = None,
+    wheels: str | None = None,
 ) -> BodySpeed:
     """Read speeds along the axes of a sensor: one column of forward speed, or right, forward, up.
 
     Parameters
     ----------
     path : str or Path
-        CSV or Parquet with named columns: time and speed, or vx, vy, vz (right, forward, up); or a
-        ROS bag with Odometry or a stamped twist, of which the forward speed is taken. Rows that
-        cannot be used are left out and counted.
+        CSV or Parquet with named columns: time and speed; pulses or distance, counted since the
+        start; fl, fr, rl, rr of four wheels; or vx, vy, vz (right, forward, up). Or a ROS bag with
+        Odometry or a stamped twist, of which the forward speed is taken. Rows that cannot be used
+        are left out and counted.
     sigma : float, optional
         1-sigma, m/s, where the file has none; 0.1.
     lever, estimate, name
@@ -236,6 +241,11 @@ def read_speed(
         Added to the file's times, s, to bring them to the record's clock.
     topic : str, optional
         Of a bag.
+    pulse_length : float, optional
+        Metres to a pulse, of a column pulses.
+    wheels : {"rear", "front", "all"}, optional
+        Of four wheels, which the speed is the mean of: the unsteered pair, the rear one by
+        default, or all.
 
     Raises
     ------
@@ -251,18 +261,21 @@ def read_speed(
             table = read_named(there, _SPEED)
         if "t" not in table:
             raise InputError("speeds need a column of times")
+        counted = ForwardSpeed(table["t"], np.zeros(0))
         if {"right", "forward", "up"} <= set(table):
+            if pulse_length is not None or wheels is not None:
+                raise InputError("it has three axes: no pulses and no wheels")
             value, width = np.column_stack([table["right"], table["forward"], table["up"]]), 3
-        elif "speed" in table:
-            value, width = table["speed"], 1
         else:
-            raise InputError("no column of speeds was found; name it speed, or vx, vy, vz")
+            counted = forward_speed(table, pulse_length, wheels)
+            value, width = counted.speed, 1
         if sigma is None:
             sigma = float(np.nanmedian(table["sd"])) if "sd" in table else 0.1
+        sigma = float(np.hypot(sigma, counted.sigma))
         time, rows, _, dropped = checked_rows(
-            name, table["t"] + offset, {"speed": value}, sigma, width, {}
+            name, counted.time + offset, {"speed": value}, sigma, width, counted.dropped
         )
         return BodySpeed(
             time, rows["speed"], sigma, lever=lever, estimate=tuple(estimate), name=name,
-            dropped=dropped,
+            dropped=dropped, notes=counted.notes,
         )  # fmt: skip

@@ -11,6 +11,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from schuler.errors import InputError, shown
 from schuler.io.arrays import from_arrays, holds_samples
 from schuler.io.content import Content
@@ -19,7 +22,7 @@ from schuler.io.limits import check_size
 from schuler.io.mapping import Mapping
 from schuler.io.matfile import structures, survey
 
-__all__ = ["MatReader"]
+__all__ = ["MatReader", "load_array", "numeric_array"]
 
 #: structures in structures
 _DEEPEST = 4
@@ -45,9 +48,51 @@ class MatReader:
         return _open_classic(path, mapping)
 
 
-def _open_classic(path: Path, mapping: Mapping) -> Content:
+def load_array(path: Path, name: str) -> Any:
+    """Return one array of a file of version 4 or 5; its size must have been checked.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged or truncated.
+    """
     from scipy.io import loadmat
 
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return loadmat(str(path), variable_names=[name])[name]
+    except Exception as error:  # SciPy's reader lets many kinds escape from damaged files
+        reason = (str(error).splitlines() or [""])[0] or type(error).__name__
+        raise InputError(f"is a damaged or truncated .mat file ({shown(reason)[:120]})") from None
+
+
+def numeric_array(path: Path, name: str) -> NDArray[np.float64]:
+    """Return an array of numbers of a file of version 4 or 5.
+
+    Raises
+    ------
+    InputError
+        If the file is another one, is damaged, or has no such array.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(520)
+        if _HDF5 in head or head.startswith(b"MATLAB 7.3"):
+            raise InputError("is a MATLAB 7.3 file: save it in MATLAB with -v7")
+        sizes = survey(path)
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error})") from None
+    if name not in sizes:
+        raise InputError(f"has no array '{name}'; it has {shown(', '.join(sizes)) or 'nothing'}")
+    check_size(sizes[name], path.stat().st_size, f"array '{name}'")
+    value = np.asarray(load_array(path, name))
+    if value.dtype.kind not in "iuf":
+        raise InputError(f"array '{name}' does not hold real numbers")
+    return value.astype(np.float64)
+
+
+def _open_classic(path: Path, mapping: Mapping) -> Content:
     sizes = survey(path)
     parts = structures(path)
     taken: dict[str, int] = {}
@@ -56,15 +101,7 @@ def _open_classic(path: Path, mapping: Mapping) -> Content:
     def load(name: str) -> Any:
         taken[name] = sizes[name]
         check_size(sum(taken.values()), size, f"array '{shown(name)}'")
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                return loadmat(str(path), variable_names=[name])[name]
-        except Exception as error:  # SciPy's reader lets many kinds escape from damaged files
-            reason = (str(error).splitlines() or [""])[0] or type(error).__name__
-            raise InputError(
-                f"is a damaged or truncated .mat file ({shown(reason)[:120]})"
-            ) from None
+        return load_array(path, name)
 
     def field(name: str) -> Any:
         top, *rest = name.split(".")

@@ -37,6 +37,8 @@ _DIMENSIONS = {
     "t": "time",
     **dict.fromkeys(("lat", "lon", "course", "heading", "sdheading"), "angle"),
     **dict.fromkeys(("height", "above_sea", "separation", "depth", "sdheight"), "length"),
+    "distance": "length",
+    **dict.fromkeys(("fl", "fr", "rl", "rr"), "speed"),
     **dict.fromkeys(("sde", "sdn", "sdu"), "length"),
     **dict.fromkeys(("ve", "vn", "vu", "vd", "speed", "x", "y", "z"), "speed"),
     **dict.fromkeys(("sdve", "sdvn", "sdvu", "sd"), "speed"),

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import csv
-import json
 import re
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -13,16 +11,17 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler._arrow import column_of, numbers
-from schuler._files import replacing
-from schuler.attitude import euler_to_quat, heading_to_psi, quat_to_euler
+from schuler._arrow import numbers
+from schuler._files import parse_json
+from schuler.attitude import euler_to_quat, heading_to_psi
 from schuler.constants import DEG
 from schuler.errors import InputError, shown
 from schuler.io.aid_files import local_file
-from schuler.io.sealed import read_sealed, write_sealed
+from schuler.io.mat import numeric_array
+from schuler.io.sealed import read_sealed
 from schuler.trajectory import Trajectory
 
-__all__ = ["read_trajectory", "truth_path", "write_trajectory"]
+__all__ = ["read_trajectory", "truth_path"]
 
 Array = NDArray[np.float64]
 
@@ -55,7 +54,7 @@ def truth_path(record: str | Path) -> Path:
 
 
 def read_trajectory(path: str | Path, layout: str | None = None) -> Trajectory:
-    """Read a trajectory from CSV with named columns, Parquet or npz.
+    """Read a trajectory from CSV with named columns, Parquet, npz or JSON lines.
 
     Columns are known by name: time (s), lat, lon (deg), height or alt (m); VE, VN and VU or VD, or
     v_east ... (m/s); heading (deg, clockwise from north), pitch, roll (deg); qw, qx, qy, qz (body
@@ -67,8 +66,9 @@ def read_trajectory(path: str | Path, layout: str | None = None) -> Trajectory:
     ----------
     path : str or Path
     layout : {"schuler", "pyins", "psins"}, optional
-        "psins": text without names, the ten columns of `avp` (pitch, roll, yaw, velocity east,
-        north, up, latitude, longitude, height, time; rad, yaw counter-clockwise).
+        "psins": the ten columns of `avp` (pitch, roll, yaw, velocity east, north, up, latitude,
+        longitude, height, time; rad, yaw counter-clockwise), as text without names, or the array
+        ``avp`` of a .mat file.
 
     Raises
     ------
@@ -83,9 +83,11 @@ def read_trajectory(path: str | Path, layout: str | None = None) -> Trajectory:
     with local_file(path) as there:
         suffix = there.suffix.lower()
         if layout == "psins":
-            table = _psins(there)
+            table = _psins(_avp(there, suffix))
         elif suffix in (".parquet", ".pq"):
             table = _parquet(there)
+        elif suffix == ".jsonl":
+            table = _json_lines(there)
         else:
             table = _npz(there) if suffix == ".npz" else _text(there)
         return _trajectory(table, path.name)
@@ -188,17 +190,58 @@ def _npz(path: Path) -> dict[str, Array]:
         raise InputError(f"cannot be read ({shown(str(error)[:120])})") from None
 
 
-def _psins(path: Path) -> dict[str, Array]:
+def _avp(path: Path, suffix: str) -> Array:
+    """Return avp: text without names, the array of a .mat file, or the columns of an .npz."""
+    if suffix == ".mat":
+        return numeric_array(path, "avp")
     try:
-        rows = np.loadtxt(path, comments=("%", "#"), ndmin=2, encoding="utf-8")
-    except (OSError, ValueError, UnicodeDecodeError) as error:
+        if suffix == ".npz":
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+                columns = [np.asarray(arrays[name], np.float64) for name in arrays.files]
+            return np.column_stack(columns)
+        lines = path.read_text(encoding="utf-8").replace(",", " ").splitlines()
+        return np.loadtxt(lines, comments=("%", "#"), ndmin=2)
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise InputError(f"cannot be read ({shown(str(error)[:120])})") from None
-    if rows.shape[1] != 10:
-        raise InputError(f"an avp has 10 columns, got {rows.shape[1]}")
+
+
+def _psins(rows: Array) -> dict[str, Array]:
+    if rows.ndim != 2 or rows.shape[1] != 10:
+        raise InputError(f"an avp has 10 columns, got an array of shape {rows.shape}")
     pitch, roll, yaw, ve, vn, vu, lat, lon, height, t = rows.T
     quat = dict(zip(_QUAT, euler_to_quat(np.column_stack([yaw, pitch, roll])).T, strict=True))
     return {"t": t, "lat": lat / DEG, "lon": lon / DEG, "height": height, "ve": ve, "vn": vn,
             "vu": vu, **quat}  # fmt: skip
+
+
+def _json_lines(path: Path) -> dict[str, Array]:
+    """Return the columns of a file with a JSON object to a row."""
+    try:
+        with path.open(encoding="utf-8-sig") as file:
+            lines = [line for line in file if line.strip()]
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read ({reason})") from None
+    roles: dict[str, int] = {}
+    names: list[str] = []
+    columns: list[list[float]] = []
+    for number, line in enumerate(lines, 1):
+        try:
+            row = parse_json(line)
+        except ValueError as error:
+            raise InputError(f"line {number} is not JSON ({error})") from None
+        if not isinstance(row, dict):
+            raise InputError(f"line {number} is no JSON object")
+        if not roles:
+            names = list(row)
+            roles = _roles(names)
+            columns = [[] for _ in roles]
+        cells: list[Any] = [row.get(names[k]) for k in roles.values()]
+        if any(isinstance(v, bool) or not isinstance(v, int | float) for v in cells):
+            raise InputError(f"line {number} lacks a number that the first line has")
+        for column, value in zip(columns, cells, strict=True):
+            column.append(float(value))
+    return dict(zip(roles, (np.array(c, np.float64) for c in columns), strict=True))
 
 
 def _text(path: Path) -> dict[str, Array]:
@@ -228,99 +271,3 @@ def _text(path: Path) -> dict[str, Array]:
         raise InputError(f"has a cell that is not a number ({error})") from None
     found = dict(zip(roles, (np.array(c, np.float64) for c in columns), strict=True))
     return _degrees(found, names, roles)
-
-
-def write_trajectory(
-    trajectory: Trajectory,
-    path: str | Path,
-    about: Mapping[str, Any] | None = None,
-    *,
-    layout: str = "schuler",
-) -> None:
-    """Save a trajectory, whole or not at all.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-    path : str or Path
-        Its suffix chooses the format: .parquet, .csv or .npz; .txt for the layout of PSINS.
-    about : mapping, optional
-        What else is worth keeping (scenario, seed, the errors that were put in), as JSON in the
-        metadata of a Parquet file under ``schuler``.
-    layout : {"schuler", "pyins", "psins"}
-        Names, order and units of the columns, as in `read_trajectory`.
-
-    Raises
-    ------
-    InputError
-        For another suffix or layout, a layout that needs what the trajectory lacks, or if the file
-        cannot be written.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from schuler.io import read_trajectory, write_trajectory
-    >>> from schuler.trajectory import Trajectory
-    >>> still = Trajectory(np.arange(3.0), np.full(3, 0.6), np.full(3, 1.9), np.full(3, 380.0))
-    >>> write_trajectory(still, "still.csv")  # doctest: +SKIP
-    >>> len(read_trajectory("still.csv"))  # doctest: +SKIP
-    3
-    """
-    path, suffix = Path(path), Path(path).suffix.lower()
-    _check_layout(layout)
-    if suffix not in (".parquet", ".csv", ".npz") and (suffix, layout) != (".txt", "psins"):
-        raise InputError(
-            f"{path}: cannot write a trajectory as '{suffix}'; use .parquet, .csv or .npz"
-        )
-    if not len(trajectory):
-        raise InputError(f"{path}: the trajectory has no rows, so there is nothing to write")
-    columns = {"schuler": Trajectory.columns, "pyins": _as_pyins, "psins": _as_psins}[layout](
-        trajectory
-    )
-    with replacing(path) as part:
-        if suffix == ".npz":
-            with part.open("wb") as file:
-                np.savez(file, **columns)  # type: ignore[arg-type]
-        elif suffix == ".parquet":
-            import pyarrow as pa
-
-            table = pa.table({k: column_of(v) for k, v in columns.items()})
-            text = json.dumps(dict(about or {}), allow_nan=False)
-            write_sealed(
-                table, part, {"schuler": text},
-                compression="zstd", use_dictionary=False, row_group_size=1 << 18,
-            )  # fmt: skip
-        else:
-            names = None if layout == "psins" else ",".join(columns)
-            _write_text(part, names, columns, "  " if layout == "psins" else ",")
-
-
-def _write_text(path: Path, names: str | None, columns: Mapping[str, Array], apart: str) -> None:
-    with path.open("w", encoding="utf-8", newline="\n") as file:
-        if names is not None:
-            file.write(f"{names}\n")
-        for row in np.column_stack(list(columns.values())).tolist():
-            file.write(apart.join(map(repr, row)) + "\n")
-
-
-def _as_pyins(trajectory: Trajectory) -> dict[str, Array]:
-    """Return the columns of a pyins table; velocity is north, east, down."""
-    trajectory.known("quat_nb")
-    own = trajectory.columns()
-    east, north, up = trajectory.known("v_n").T
-    return {
-        "time": own["t [s]"], "lat": own["lat [deg]"], "lon": own["lon [deg]"],
-        "alt": own["height [m]"], "VN": north, "VE": east, "VD": -up,
-        "roll": own["roll [deg]"], "pitch": own["pitch [deg]"], "heading": own["heading [deg]"],
-    }  # fmt: skip
-
-
-def _as_psins(trajectory: Trajectory) -> dict[str, Array]:
-    """Return the ten columns of PSINS's avp."""
-    psi, theta, gamma = quat_to_euler(trajectory.known("quat_nb")).T
-    east, north, up = trajectory.known("v_n").T
-    return {
-        "pitch": theta, "roll": gamma, "yaw": psi, "ve": east, "vn": north, "vu": up,
-        "lat": trajectory.lat, "lon": trajectory.lon, "height": trajectory.height,
-        "t": trajectory.time,
-    }  # fmt: skip

@@ -9,7 +9,7 @@ Source: Groves (2013), chapters 14 and 16; Niu et al. (2025) for scale factors a
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -35,9 +35,11 @@ from schuler.ins import (
     Velocity,
     ZeroRate,
     ZeroVelocity,
+    groups_of,
     instrument_noise,
     instrument_prior,
 )
+from schuler.navigation.aid_estimates import WITHHELD
 from schuler.navigation.aid_measurements import (
     AIDS,
     Aid,
@@ -47,7 +49,7 @@ from schuler.navigation.aid_measurements import (
     left_out,
     measurements_of,
 )
-from schuler.navigation.aided_result import OUTPUT, WITHHELD, AidedNavigation, finished
+from schuler.navigation.aided_result import OUTPUT, AidedNavigation, finished
 from schuler.navigation.motion_start import motion_start
 from schuler.navigation.navigator import Start
 from schuler.navigation.outages import Outages
@@ -67,11 +69,17 @@ _GATE = 0.999999
 _DELAY_LEFT, _DELAY_PASSES = 0.01, 3
 """A delay (s) that a pass finds beyond the first is taken off the times, so many times at most."""
 
+_WATCHED = 100_000
+"""Samples between two words of progress; any chunking gives the same bits."""
+
 _VIBRATION = 0.03
 """Velocity random walk of a strapdown unit on a road vehicle, m/s/sqrt(s), at least."""
 
 _PRIORS = {"lever": 1.0, "delay": 0.3, "mount": 10.0 * DEG, "scale": 0.02}
 """1-sigma of what is estimated of an aid before anything is measured: m, s, rad, 1."""
+
+_CONSTRAINT = "non_holonomic"
+"""Name of the constraint of wheels."""
 
 _BEYOND = 5.0
 """Prior sigmas beyond which an estimate is not what it was meant to be."""
@@ -138,6 +146,7 @@ def navigate_aided(
     aids: Sequence[Aid | CustomMeasurement] = (),
     options: AidingOptions | None = None,
     outages: Outages | None = None,
+    watch: Callable[[float], None] | None = None,
 ) -> AidedNavigation:
     """Navigate a record with the help of GNSS fixes and whatever else was measured.
 
@@ -153,10 +162,13 @@ def navigate_aided(
         The instrument; a MEMS of consumer grade when not given.
     speeds : sequence of BodySpeed
     aids : sequence of Height, HeadingFixes, BodyVelocity, ZeroRate or CustomMeasurement
-        Of `schuler.aiding`, or a user's own.
+        Of `schuler.aiding`, or a user's own, which may bring states (`schuler.ins.StateGroup`).
     options : AidingOptions, optional
     outages : Outages, optional
         Spans whose fixes are withheld, and scored.
+    watch : callable, optional
+        Is told now and then which share of the record is done; more than once where a delay that
+        is found makes another pass.
 
     Raises
     ------
@@ -175,6 +187,13 @@ def navigate_aided(
     known = [aid for aid in aids if isinstance(aid, AIDS)]
     own = [aid for aid in aids if not isinstance(aid, AIDS)]
     handling = Handling(gate=_GATE, robust=options.robust)
+    added = groups_of(own)
+    own_noise = {name: group.noise for name, group in added.items()}
+    priors: dict[str, Any] = {
+        **{f"{speed.name}.scale": speed.scale_sigma for speed in speeds}, **aid_priors(known),
+        **{name: group.sigma for name, group in added.items()},
+    }  # fmt: skip
+    starts = {name: group.start for name, group in added.items()}
     # Fixes are taken when they are valid: a delay that is found to be long is taken off the times,
     # and the record navigated again. A row of H is good to first order in what is left of it.
     delays = dict.fromkeys((used.name, f"{used.name}_velocity"), used.delay)
@@ -185,18 +204,23 @@ def navigate_aided(
             "phi", "velocity", "position", "gyro_bias", "accelerometer_bias",
             *(["gyro_scale", "accelerometer_scale"] if options.scale else []),
             *dict.fromkeys(group for aid in measured for group in aid.groups),
+            *((group.name, group.size) for group in added.values()),
         ])  # fmt: skip
-        noise = _noise(layout, instrument, options, aid_noise(known))
-        prior = _prior(layout, instrument, options, begin, bias_sigma, aid_priors(known))
+        noise = _noise(layout, instrument, options, {**aid_noise(known), **own_noise})
+        prior = _prior(layout, instrument, options, begin, bias_sigma, priors)
         covariance = np.diag(prior**2)
         more = _output_times(record, [*measured, *own], options.longest_interval)
         if len(more):
             measured.append(OutputEpoch(more, name=OUTPUT))
         flt = ErrorStateFilter(
             layout, begin.site, begin.quat_nb, covariance, noise, [*measured, *own],
-            v_n=begin.v_n, parameters={"gyro_bias": bias}, smooth=options.smooth, step=0.1,
+            v_n=begin.v_n, parameters={"gyro_bias": bias, **starts}, smooth=options.smooth,
+            step=0.1,
         )  # fmt: skip
-        flt.update(record)
+        for begun in range(0, len(record), _WATCHED):
+            flt.update(record.rows(begun, min(begun + _WATCHED, len(record))))
+            if watch is not None:
+                watch(min(1.0, (begun + _WATCHED) / len(record)))
         if not again or not _later(delays, flt, 2.0 * prior):
             break
     found = finished(flt, record, gnss, used, withheld, measured, instrument, outages, delays)
@@ -231,10 +255,12 @@ def _against_priors(flt: ErrorStateFilter, prior: Array) -> tuple[list[str], lis
     """Hold each estimate against its own prior: of aids it contradicts, of sensors it is said."""
     aids: list[str] = []
     sensors: list[str] = []
+    own = groups_of(flt.aids)
     doppler = {aid.group("mount") for aid in flt.aids if isinstance(aid, DopplerRows)}
     for group in flt.layout:
         part = group.rpartition(".")[2]
-        if part not in _PRIORS and not group.endswith("_scale"):
+        known = part in _PRIORS or group.endswith("_scale")
+        if not known or group in own:
             continue
         size = np.abs(flt.parameter(group)) / prior[flt.layout[group]]
         if np.max(size) <= _BEYOND:
@@ -268,11 +294,7 @@ def _common(record: ImuRecord, gnss: GnssFixes) -> tuple[ImuRecord, GnssFixes]:
 
 
 def _rests(record: ImuRecord, gnss: GnssFixes) -> Rests:
-    speed = gnss.speed
-    if speed is None:
-        return find_rest(record)
-    beyond = speed > np.maximum(3.0 * np.asarray(gnss.v_sigma)[:, :2].max(axis=1), 0.2)
-    return find_rest(record, moving=(np.asarray(gnss.time) - gnss.delay, beyond))
+    return find_rest(record, moving=gnss.moving)
 
 
 def _bias_at_rest(record: ImuRecord, rests: Rests, spec: ImuSpec) -> tuple[Array, Array]:
@@ -364,17 +386,23 @@ def _measurements(
         within = inside(speed.name, np.asarray(speed.time), record)
         check_speed(speed, used)
         mount = "xyz" if np.asarray(speed.value).ndim == 2 else "xz"
+        estimate, shared_mount = speed.estimate, {}
+        if mount == "xz" and options.non_holonomic and "mount" in options.constraint_estimate:
+            # Wheels roll along the axis across which they do not slip: one mounting for both.
+            estimate = tuple(dict.fromkeys([*estimate, "mount"]))
+            shared_mount = {"mount": _CONSTRAINT}
         out.append(
             BodyVelocity(
                 np.asarray(speed.time)[within], value[within], sigma[within], name=speed.name,
-                lever=speed.lever, estimate=speed.estimate, mount_axes=mount, handling=handling,
+                lever=speed.lever, estimate=estimate, mount_axes=mount, handling=handling,
+                shared=shared_mount,
             )
         )  # fmt: skip
     if options.non_holonomic:
         times = _constraint_times(record, options.constraint_interval, bias)
         out.append(
             NonHolonomic(
-                times, 0.0, 2.0 * options.constraint_sigma, name="non_holonomic",
+                times, 0.0, 2.0 * options.constraint_sigma, name=_CONSTRAINT,
                 lever=options.constraint_lever, estimate=options.constraint_estimate,
                 handling=Handling(gate=0.9999963, robust=options.robust),
             )
@@ -382,10 +410,12 @@ def _measurements(
     if options.zero_velocity:
         still = rests.time[rests.time > record.start + rests.window]
         if len(still):
+            # Between rests there is none to take for long: that says nothing of the navigation.
+            handling = replace(handling, guard_time=np.inf)
             rate = rests.rate[-len(still) :]
-            out.append(ZeroVelocity(still, 0.0, 0.02, name="zero_velocity"))
+            out.append(ZeroVelocity(still, 0.0, 0.02, name="zero_velocity", handling=handling))
             sigma = np.maximum(rests.rate_sigma, 1e-9)
-            out.append(ZeroRate(still, rate, sigma, name="zero_rate"))
+            out.append(ZeroRate(still, rate, sigma, name="zero_rate", handling=handling))
     return out
 
 
@@ -431,7 +461,7 @@ def _noise(
 
 def _prior(
     layout: Layout, spec: ImuSpec, options: AidingOptions, begin: _Begin, bias_sigma: Array,
-    aids: Mapping[str, float],
+    aids: Mapping[str, Any],
 ) -> Array:  # fmt: skip
     """Return 1-sigma of each state at the start."""
     sigma: dict[str, Any] = {

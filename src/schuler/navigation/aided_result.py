@@ -7,17 +7,17 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from schuler._notebook import Shown
 from schuler.aiding import GnssFixes
-from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
-from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G
-from schuler.earth import radii
+from schuler.attitude import multiply, quat_to_matrix, rotvec_to_quat
+from schuler.earth import moved, radii
 from schuler.errors import InputError
-from schuler.ins import BodyVelocity, EpochStates, ErrorStateFilter, Height, Measurement
+from schuler.ins import EpochStates, ErrorStateFilter, Measurement
 from schuler.kernels.states import ErrorStates
-from schuler.navigation.aid_measurements import DopplerRows
+from schuler.navigation.aid_estimates import WITHHELD, estimate_rows, estimates, levers
+from schuler.navigation.lever import at_lever, rates
 from schuler.navigation.outages import Outages, OutageScore
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
@@ -26,12 +26,9 @@ from schuler.trajectory import Trajectory
 if TYPE_CHECKING:
     from schuler.ins import Smoothed
 
-__all__ = ["AidedNavigation", "estimate_rows", "finished"]
+__all__ = ["AidedNavigation", "finished"]
 
 Array = NDArray[np.float64]
-
-WITHHELD = "withheld"
-"""Name of the fixes of outages: the filter predicts them and learns nothing from them."""
 
 OUTPUT = "output_epoch"
 """Name of the epochs at which nothing is measured."""
@@ -66,6 +63,8 @@ class AidedNavigation(Shown):
         From which `at_samples` follows.
     covariances : (n, 9, 9) float64 or None
         Of attitude, velocity and position at each row of `path`, where it was smoothed.
+    levers : dict of str to array
+        Lever arm (3,) of each aid of a point of the body, estimated where it was, m.
     """
 
     path: Trajectory
@@ -81,6 +80,7 @@ class AidedNavigation(Shown):
     spec: ImuSpec = field(repr=False)
     epochs: EpochStates = field(repr=False)
     covariances: Array | None = field(default=None, repr=False)
+    levers: dict[str, Array] = field(default_factory=dict, repr=False)
 
     def at_samples(self, record: ImuRecord, every: int = 1) -> Trajectory:
         """Return the path at the samples of the record that was navigated.
@@ -110,6 +110,51 @@ class AidedNavigation(Shown):
             time, s.quat_nb[rows], s.v_n[rows], s.quat_ne[rows], s.height[rows], variances, None,
             record.name,
         )  # fmt: skip
+
+    def antenna(self, name: str = "gnss") -> Array:
+        """Return the lever arm to an antenna (3,), estimated where it was, body axes, m.
+
+        Raises
+        ------
+        InputError
+            If there is no aid of that name.
+        """
+        if name not in self.levers:
+            raise InputError(
+                f"there is no aid '{name}' with a lever arm; there is {', '.join(self.levers)}"
+            )
+        return np.array(self.levers[name])
+
+    def at_point(self, record: ImuRecord, lever: ArrayLike, every: int | None = None) -> Trajectory:
+        """Return the path of another point of the body: an antenna, the rear axle.
+
+        Its velocity is that of the IMU and w x l, with the body's rate from the attitudes at the
+        samples. It has no variances.
+
+        Parameters
+        ----------
+        record : ImuRecord
+            That was navigated.
+        lever : (3,) array_like
+            From the IMU, body axes, m; `antenna` has that of the fixes.
+        every : int, optional
+            Samples to a row; the rows are those of `path` when not given.
+
+        Raises
+        ------
+        InputError
+            As of `at_samples` and `at_lever`.
+        """
+        if every is not None and every < 1:
+            raise InputError(f"samples to a row must be at least 1, got {every}")
+        whole = self.at_samples(record)
+        rate_n = rates(whole)
+        if every is None:
+            at = self.path.time
+            between = np.column_stack([np.interp(at, whole.time, column) for column in rate_n.T])
+            return at_lever(self.path, lever, between)
+        rows = slice((len(whole) - 1) % every, None, every)
+        return at_lever(whole.rows(rows), lever, rate_n[rows])
 
     @property
     def consistent(self) -> bool:
@@ -147,26 +192,6 @@ class AidedNavigation(Shown):
                         f"{o[way]['normalised_rms']:.2f} of its sigma rms"
                     )
         return "\n".join(lines)
-
-
-def estimate_rows(estimated: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return names and values with 1-sigma of what was estimated, in words."""
-    out: list[tuple[str, str]] = []
-    for name, value in estimated.items():
-        if isinstance(value, Mapping):
-            out += estimate_rows({f"{key} {name}": each for key, each in value.items()})
-            continue
-        plain, unit = name, ""
-        for end, said in _UNITS.items():
-            if name.endswith(end):
-                plain, unit = name.removesuffix(end), f" {said}"
-        centre, sigma = (np.atleast_1d(np.asarray(x, np.float64)) for x in value)
-        told = ", ".join(f"{c:.4g} ± {s:.2g}" for c, s in zip(centre, sigma, strict=True))
-        out.append((plain.replace("_", " "), told + unit))
-    return out
-
-
-_UNITS = {"_s": "s", "_m": "m", "_deg": "deg", "_deg_h": "deg/h", "_ug": "ug"}
 
 
 def finished(
@@ -218,11 +243,10 @@ def finished(
     gaps = _gaps(taken[0][taken[3] > 0.0], record)
     contradictions = [*gnss.contradictions(), *_contradictions(used, refused, counts, taken)]
     warnings = _warnings(gnss, flt, gaps, outages)
-    estimates = _estimates(flt, measured, smoothed, delays)
     return AidedNavigation(
-        path, forward, estimates, counts, refused, innovations, score,
+        path, forward, estimates(flt, measured, delays), counts, refused, innovations, score,
         tuple(warnings), tuple(contradictions), gaps, spec,
-        EpochStates.of(flt, record.start, smoothed), covariances,
+        EpochStates.of(flt, record.start, smoothed), covariances, levers(flt, measured),
     )  # fmt: skip
 
 
@@ -257,11 +281,7 @@ def _path(
     turn[:, 2] = -angle
     quat_nb = multiply(rotvec_to_quat(turn), quat)
     if off is not None:
-        east, north, up = _turned(off, angle).T
-        meridian, transverse = radii(lat)
-        lat = lat - north / (meridian + height)
-        lon = lon - east / ((transverse + height) * np.cos(lat))
-        height = height - up
+        lat, lon, height = moved(lat, lon, height, -_turned(off, angle))
     lon = (lon + np.pi) % (2.0 * np.pi) - np.pi
     if covariance is not None:
         c, s = np.cos(angle[-1]), np.sin(angle[-1])
@@ -399,78 +419,4 @@ def _warnings(
     if gaps and outages is None:
         longest = max(end - begin for begin, end in gaps)
         out.append(f"{len(gaps)} spans without a fix, the longest {longest:.4g} s")
-    return out
-
-
-def _estimates(
-    flt: ErrorStateFilter,
-    measured: Sequence[Measurement],
-    smoothed: Smoothed | None,
-    delays: Mapping[str, float],
-) -> dict[str, Any]:
-    """Return what was estimated with its 1-sigma: smoothed at the end equals the filter."""
-    sigma = np.sqrt(np.maximum(np.diag(flt.covariance), 0.0))
-    layout = flt.layout
-    out: dict[str, Any] = {}
-
-    def pair(group: str, given: Any = 0.0, unit: float = 1.0) -> list[Any]:
-        value = (np.asarray(given, np.float64) + flt.parameter(group)) / unit
-        spread = sigma[layout[group]] / unit
-        if len(value) == 1:
-            return [float(value[0]), float(spread[0])]
-        return [[float(v) for v in value], [float(s) for s in spread]]
-
-    for aid in measured:
-        for group, _ in aid.groups:
-            if not group.startswith(f"{aid.label}.") or aid.label == WITHHELD:
-                continue
-            part = group.rpartition(".")[2]
-            if part == "delay":
-                out.setdefault("delay_s", {})[aid.label] = pair(
-                    group, delays.get(aid.label, aid.delay)
-                )
-            elif part == "lever":
-                out.setdefault("lever_m", {})[aid.label] = pair(group, aid.lever)
-            elif part == "offset" and isinstance(aid, Height):
-                out.setdefault("offset_m", {})[aid.label] = pair(group, aid.offset)
-            elif part == "scale" and isinstance(aid, DopplerRows):
-                out.setdefault("doppler_scale", {})[aid.label] = pair(group, aid.scale)
-            elif part == "mount" and isinstance(aid, DopplerRows):
-                out.setdefault("doppler_mount_deg", {})[aid.label] = _rotation(
-                    flt, aid, group, sigma
-                )
-            elif part == "scale" and isinstance(aid, BodyVelocity):
-                out["odometer_scale"] = pair(group, aid.scale)
-            elif part == "mount" and isinstance(aid, BodyVelocity):
-                out.setdefault("mount_deg", {}).update(_mount(flt, aid, group, sigma))
-    out["gyro_bias_deg_h"] = pair("gyro_bias", 0.0, DEG_PER_HOUR)
-    out["accel_bias_ug"] = pair("accelerometer_bias", 0.0, MICRO_G)
-    for group, name in (("gyro_scale", "gyro_scale"), ("accelerometer_scale", "accel_scale")):
-        if group in layout:
-            out[name] = pair(group)
-    return out
-
-
-def _rotation(
-    flt: ErrorStateFilter, aid: DopplerRows, group: str, sigma: Array
-) -> list[list[float]]:
-    """Return the rotation vector from the body's axes to the sensor's, and its 1-sigma, deg."""
-    turn = multiply(rotvec_to_quat(flt.parameter(group)), np.asarray(aid.mount))
-    whole = quat_to_rotvec(turn)
-    return [[float(x) / DEG for x in whole], [float(x) / DEG for x in sigma[flt.layout[group]]]]
-
-
-def _mount(
-    flt: ErrorStateFilter, aid: BodyVelocity, group: str, sigma: Array
-) -> dict[str, list[float]]:
-    """Return how the body's axes are turned against the vehicle's, deg.
-
-    Yaw is positive where the body's forward axis points left of travel, pitch where it points
-    below it, roll where its right side is up.
-    """
-    value, spread = flt.parameter(group), sigma[flt.layout[group]]
-    out = {}
-    for k, axis in enumerate(aid.mount_axes):
-        name, sign = {"x": ("pitch", -1.0), "y": ("roll", -1.0), "z": ("yaw", 1.0)}[axis]
-        out[name] = [sign * float(value[k]) / DEG, float(spread[k]) / DEG]
     return out

@@ -260,6 +260,48 @@ def evaluate(path: Trajectory, reference: Trajectory) -> Evaluation:
     )  # fmt: skip
 
 
+def sigma_at(evaluation: Evaluation, path: Trajectory) -> dict[str, Array]:
+    """Return 1-sigma of a path at an evaluation's times, (n, 3) each: position, velocity, phi.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+    path : Trajectory
+        With variances; its velocity and position axes are those of the frame navigated in.
+
+    Raises
+    ------
+    InputError
+        If the path has no variances.
+    """
+    known = path.known("variances")
+    sigma = np.sqrt(np.column_stack([
+        np.interp(evaluation.time, path.time, column) for column in known[:, :9].T
+    ]))  # fmt: skip
+    return {"phi": sigma[:, :3], "velocity": sigma[:, 3:6], "position": sigma[:, 6:9]}
+
+
+def normalised_rms(evaluation: Evaluation, path: Trajectory) -> dict[str, float | None]:
+    """Return the rms of found errors over their sigma: 1 where sigma is right; None if not known.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+    path : Trajectory
+        With variances.
+    """
+    sigma = sigma_at(evaluation, path)
+    errors = {
+        "position": evaluation.position, "velocity": evaluation.velocity, "phi": evaluation.phi
+    }  # fmt: skip
+    return {
+        name: None if error is None else float(
+            np.sqrt(np.mean((error / np.maximum(sigma[name], 1e-12)) ** 2))
+        )
+        for name, error in errors.items()
+    }  # fmt: skip
+
+
 def _between(t: Array, q: Array, when: Array, a: Array, b: Array) -> Array:
     """Return quaternions between rows a and b by constant rate."""
     from schuler.attitude import rotvec_to_quat

@@ -1,4 +1,4 @@
-"""The page of an aided navigation: way, height, attitude, innovations, estimates, score."""
+"""The page of an aided navigation: path, speed, attitude, errors, innovations, biases, score."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.attitude import psi_to_heading
-from schuler.constants import DEG
+from schuler.constants import ARCMIN, DEG, DEG_PER_HOUR, MICRO_G
 from schuler.navigation import AidedNavigation
-from schuler.navigation.aided_result import estimate_rows
+from schuler.navigation.aid_estimates import estimate_rows
+from schuler.navigation.evaluate import Evaluation, normalised_rms, sigma_at
 from schuler.reports.figures import (
     BLUE,
     GREY,
@@ -36,10 +37,15 @@ __all__ = ["aided_report"]
 
 Array = NDArray[np.float64]
 
+_GAP, _LEAST_GAP = 5.0, 1.0
+"""A line of innovations is broken over so many usual intervals, and s at least."""
+
 _AXES = (("east", BLUE), ("north", ORANGE), ("up", GREY))
 
 
-def aided_report(found: AidedNavigation, to: str | Path) -> None:
+def aided_report(
+    found: AidedNavigation, to: str | Path, evaluation: Evaluation | None = None
+) -> None:
     """Write the page.
 
     Parameters
@@ -47,6 +53,8 @@ def aided_report(found: AidedNavigation, to: str | Path) -> None:
     found : AidedNavigation
     to : str or Path
         The HTML file.
+    evaluation : Evaluation, optional
+        Against a reference: found errors are drawn over their sigma.
 
     Raises
     ------
@@ -78,12 +86,19 @@ def aided_report(found: AidedNavigation, to: str | Path) -> None:
         + contradiction_box(found.contradictions)
         + f'<p class="value">{value}</p><p class="sub">{sub}.</p>'
     )
+    against = []
+    if evaluation is not None:
+        against.append(Section("Against the reference", drawings=_errors(found, evaluation)))
+        rows += _error_rows(found, evaluation)
     write_page(
         to, f"Aided navigation: {path.name}", head,
         [
-            Section("Where it went", drawings=[_way(found), _height(found), _heading(found)]),
+            Section("Where it went", drawings=[_way(found), _height(found), _speed(found),
+                                               _heading(found), *_tilt(found)]),
+            *against,
             Section("Innovations", drawings=[_innovations(found, k) for k in found.innovations
                                              if k != "withheld"]),
+            Section("Biases of the instrument", drawings=_biases(found)),
             Section("Estimates", html=definition_table(rows, "At the end, ± 1 sigma")),
         ],
     )  # fmt: skip
@@ -143,16 +158,106 @@ def _heading(found: AidedNavigation) -> Drawing:
     return Drawing(figure_of(traces, plot_layout(260, "time, s", "heading, deg")), text, text)
 
 
+def _speed(found: AidedNavigation) -> Drawing:
+    path = found.path
+    k = _thin(len(path))
+    v_n = path.known("v_n")[k]
+    speed = np.linalg.norm(v_n, axis=1)
+    along = v_n / np.maximum(speed, 1e-9)[:, None]
+    sigma = np.sqrt(np.sum(along**2 * path.known("variances")[k, 3:6], axis=1))
+    text = "Speed over ground, with three sigma."
+    traces = [_band(path.time[k], speed, sigma), line_of(path.time[k], speed, "speed", BLUE)]
+    return Drawing(figure_of(traces, plot_layout(260, "time, s", "speed, m/s")), text, text)
+
+
+def _tilt(found: AidedNavigation) -> list[Drawing]:
+    path = found.path
+    k = _thin(len(path))
+    tilt = np.sqrt(0.5 * (path.known("variances")[k, :2]).sum(axis=1)) / DEG
+    out = []
+    for name, axis in (("pitch", 1), ("roll", 2)):
+        angle = path.euler[k, axis] / DEG
+        text = f"{name.capitalize()}, with three sigma."
+        traces = [_band(path.time[k], angle, tilt), line_of(path.time[k], angle, name, BLUE)]
+        layout = plot_layout(220, "time, s", f"{name}, deg")
+        out.append(Drawing(figure_of(traces, layout), text, text))
+    return out
+
+
+def _biases(found: AidedNavigation) -> list[Drawing]:
+    """Draw what the filter's biases are with three sigma, an axis to a line."""
+    epochs = found.epochs
+    k = _thin(len(found.path))
+    time, values = epochs.rows[1:, 0][k], epochs.estimates[1:][k]
+    out = []
+    for group, first, what, unit, word in (
+        ("gyro_bias", 9, "Gyro", DEG_PER_HOUR, "deg/h"),
+        ("accelerometer_bias", 12, "Accelerometer", MICRO_G, "ug"),
+    ):
+        bias = values[:, epochs.layout[group]] / unit
+        sigma = np.sqrt(found.path.known("variances")[k, first : first + 3]) / unit
+        for axis, side in enumerate(("right", "forward", "up")):
+            text = f"{what} bias, {side} axis, with three sigma."
+            traces = [
+                _band(time, bias[:, axis], sigma[:, axis]),
+                line_of(time, bias[:, axis], "bias", BLUE),
+            ]
+            layout = plot_layout(200, "time, s", f"{side}, {word}")
+            out.append(Drawing(figure_of(traces, layout), text, text))
+    return out
+
+
+def _error_rows(found: AidedNavigation, e: Evaluation) -> list[tuple[str, str]]:
+    told = e.to_dict()
+    ratio = normalised_rms(e, found.path)
+    said = ", ".join(f"{value:.2f} ({name})" for name, value in ratio.items() if value is not None)
+    return [
+        ("median horizontal error", f"{told['cep_m']:.4g} m against {escape(e.reference)}"),
+        ("found error over sigma, rms", said),
+    ]
+
+
+def _errors(found: AidedNavigation, e: Evaluation) -> list[Drawing]:
+    """Draw what was found of each error within three sigma."""
+    sigma = sigma_at(e, found.path)
+    drawn = [("position", e.position, 1.0, "m")]
+    if e.velocity is not None:
+        drawn.append(("velocity", e.velocity, 1.0, "m/s"))
+    if e.phi is not None:
+        drawn.append(("phi", e.phi, ARCMIN, "arcmin"))
+    k = _thin(len(e.time))
+    t, out = e.time[k], []
+    for what, error, unit, name in drawn:
+        for axis, (side, _) in enumerate(_AXES):
+            spread = sigma[what][k, axis] / unit
+            own = "attitude error phi" if what == "phi" else f"{what} error"
+            text = f"The {own} {side}, path minus reference, with three sigma about zero."
+            traces = [
+                _band(t, np.zeros(len(t)), spread), line_of(t, error[k, axis] / unit, "error", BLUE)
+            ]  # fmt: skip
+            layout = plot_layout(220, "time, s", f"{side}, {name}")
+            out.append(Drawing(figure_of(traces, layout), text, text))
+    return out
+
+
+def _with_breaks(time: Array, values: Array, k: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Return some of the points, with a gap of the line where there was one in time."""
+    step = np.diff(time)
+    long = np.flatnonzero(step > max(_GAP * float(np.median(step)), _LEAST_GAP)) + 1
+    at = np.searchsorted(k, long)
+    return np.insert(time[k], at, time[long]), np.insert(values[k], at, np.nan)
+
+
 def _innovations(found: AidedNavigation, aid: str) -> Drawing:
     time, z, sigma, weight = found.innovations[aid]
-    k = _thin(len(time))
     traces = []
     for axis, (name, colour) in enumerate(_AXES):
-        seen = sigma[k, axis] > 0.0
+        seen = sigma[:, axis] > 0.0
         if np.any(seen):
-            ratio = z[k, axis][seen] / sigma[k, axis][seen]
+            ratio = z[seen, axis] / sigma[seen, axis]
             label = name if "gnss" in aid else f"axis {axis + 1}"
-            traces.append(line_of(time[k][seen], ratio, label, colour))
+            t, ratio = _with_breaks(time[seen], ratio, _thin(len(ratio)))
+            traces.append(line_of(t, ratio, label, colour))
     out = np.flatnonzero(weight == 0.0)[:POINTS]
     if len(out):
         go = graph_objects()

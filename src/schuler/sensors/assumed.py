@@ -9,7 +9,7 @@ __all__ = ["CONSUMER_MEMS"]
 
 CONSUMER_MEMS = ImuSpec(
     GyroSpec(
-        bias=0.3 * DEG, angle_random_walk=6.0 * DEG / 60.0, rate_random_walk=2e-5,
+        bias=0.3 * DEG, angle_random_walk=6.0 * DEG / 60.0, rate_random_walk=1e-4,
         scale_factor=0.01, misalignment=0.01,
     ),
     AccelerometerSpec(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.aiding import BodySpeed, BodyVelocity, GnssFixes
+from schuler.aiding import BodySpeed, BodyVelocity, GnssFixes, ZeroVelocity
 from schuler.aiding.checks import check_speed
 from schuler.alignment.history import History
 from schuler.alignment.moving.body import body_rows
@@ -23,7 +23,14 @@ from schuler.alignment.moving.series import (
     position_series,
     velocity_series,
 )
-from schuler.alignment.moving.setup import Aid, Nominal, as_speed, make_filter, measurements
+from schuler.alignment.moving.setup import (
+    Aid,
+    Nominal,
+    as_speed,
+    at_rest,
+    make_filter,
+    measurements,
+)
 from schuler.alignment.moving.span import (
     bias_at_rest,
     common_span,
@@ -66,7 +73,7 @@ _REFUSED = 0.3
 
 def align_moving(
     record: ImuRecord,
-    aiding: Aid | BodyVelocity | Sequence[Aid | BodyVelocity],
+    aiding: Aid | BodyVelocity | Sequence[Aid | BodyVelocity | ZeroVelocity],
     site: Site | None = None,
     spec: ImuSpec | str | Path | None = None,
     *,
@@ -80,7 +87,7 @@ def align_moving(
     ----------
     record : ImuRecord
         What lies before the span shows the gyro bias where the vehicle stood still.
-    aiding : GnssFixes, BodySpeed, BodyVelocity, or a sequence of them
+    aiding : GnssFixes, BodySpeed, BodyVelocity, or a sequence of them and of ZeroVelocity
         On the record's clock.
     site : Site, optional
         Where the vehicle is at the start of the span; needed without GNSS fixes.
@@ -101,7 +108,9 @@ def align_moving(
         missing.
     """
     expect(record, ImuRecord, "record", "read a file with schuler.read")
-    given = [aiding] if isinstance(aiding, Aid | BodyVelocity) else list(aiding)
+    told = [aiding] if isinstance(aiding, Aid | BodyVelocity) else list(aiding)
+    rests = tuple(each for each in told if isinstance(each, ZeroVelocity))
+    given = [each for each in told if not isinstance(each, ZeroVelocity)]
     if not given:
         raise InputError("an alignment in motion needs aids: give GnssFixes or a BodySpeed")
     for each in given:
@@ -130,7 +139,9 @@ def align_moving(
         if isinstance(aid, BodySpeed) and isinstance(leader, GnssFixes):
             check_speed(aid, leader)
     bias, used_spec = bias_at_rest(record, part, leader, instrument)
-    prepared = _Prepared(part, leader, aids, used_spec, bias, place_at_start(leader, part, site))
+    prepared = _Prepared(
+        part, leader, aids, used_spec, bias, place_at_start(leader, part, site), rests
+    )
     first, rough = prepared.coarse()
     found, taken = prepared.fine(rough, first, vibration)
     return _result(prepared, rough, found, taken, instrument, warnings, at)
@@ -159,6 +170,7 @@ class _Prepared:
     spec: ImuSpec
     bias: Array
     site: Site
+    rests: tuple[ZeroVelocity, ...] = ()
 
     def _series(self) -> tuple[Series, Aid]:
         """Return the series of the leader, and its measurements within the span."""
@@ -257,7 +269,7 @@ class _Prepared:
     ) -> tuple[FineAlignment, _Taken]:
         """Return the filter's result with the noise that its innovations agree with."""
         aids: list[Aid] = [cut if aid is self.leader else aid for aid in self.aids]
-        measured = measurements(aids, self.record)
+        measured = measurements(aids, self.record) + at_rest(self.rests, self.record)
         start = self.nominal(rough)
         for noise in self._vibrations() if vibration is None else (vibration,):
             found = fine(self.record, start, self.spec, noise, measured, aids)

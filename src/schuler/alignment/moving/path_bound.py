@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.aiding import GnssFixes
+from schuler.aiding import GnssFixes, ZeroVelocity
 from schuler.alignment.moving.fine import filtered_end
-from schuler.alignment.moving.setup import Aid, Nominal, make_filter, measurements
+from schuler.alignment.moving.setup import Aid, Nominal, at_rest, make_filter, measurements
 from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec
 from schuler.constants import ARCMIN
 from schuler.earth import earth_rate, gravity, transport_rate
@@ -123,7 +123,7 @@ class PathLimit:
 
 
 def limit_on(
-    path: Trajectory, spec: ImuSpec | str | Path, aiding: Aid | Sequence[Aid], *,
+    path: Trajectory, spec: ImuSpec | str | Path, aiding: Aid | Sequence[Aid | ZeroVelocity], *,
     record: ImuRecord | None = None, vibration: float = 0.0,
 ) -> PathLimit:  # fmt: skip
     """Return the Cramér-Rao bound of an alignment at the end of a path.
@@ -134,7 +134,7 @@ def limit_on(
         With velocity and attitude: a plan, the truth of a simulation, or a path that was driven.
     spec : ImuSpec, str or path
         The instrument.
-    aiding : GnssFixes, BodySpeed, or a sequence of them
+    aiding : GnssFixes, BodySpeed, or a sequence of them and of ZeroVelocity
         Instants and noise of what is measured; their values do not matter.
     record : ImuRecord, optional
         What a perfect instrument has along the path; `record_on` otherwise.
@@ -153,7 +153,9 @@ def limit_on(
     instrument = load_spec(spec)
     if instrument is None:
         raise InputError("a bound needs an instrument: give its specification")
-    aids = [aiding] if isinstance(aiding, Aid) else list(aiding)
+    told = [aiding] if isinstance(aiding, Aid) else list(aiding)
+    rests = [each for each in told if isinstance(each, ZeroVelocity)]
+    aids: list[Aid] = [each for each in told if not isinstance(each, ZeroVelocity)]
     samples = record_on(path) if record is None else record
     for aid in aids:
         time = np.asarray(aid.time)
@@ -162,7 +164,7 @@ def limit_on(
                 f"{aid.name}: no measurement lies on the path, which goes from t = "
                 f"{samples.start:.9g} to {samples.end:.9g} s"
             )
-    measured = measurements(aids, samples, gate=False)
+    measured = measurements(aids, samples, gate=False) + at_rest(rests, samples)
     k = int(np.searchsorted(path.time, samples.start - 1e-9))
     nominal = Nominal(
         float(path.lat[k]), float(path.lon[k]), float(path.height[k]), path.known("quat_nb")[k],

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from schuler.aiding import BodySpeed, GnssFixes
 from schuler.aiding import BodyVelocity as BodyVelocityAid
+from schuler.aiding import ZeroVelocity as RestSpans
 from schuler.attitude import quat_to_matrix, rotvec_to_quat
 from schuler.constants import DEG
 from schuler.earth import Site
@@ -25,6 +26,7 @@ from schuler.ins import (
     Position,
     ProcessNoise,
     Velocity,
+    ZeroVelocity,
     instrument_noise,
     instrument_prior,
 )
@@ -36,6 +38,7 @@ __all__ = [
     "Aid",
     "Nominal",
     "as_speed",
+    "at_rest",
     "layout_of",
     "make_filter",
     "measurements",
@@ -144,6 +147,17 @@ def measurements(aids: Sequence[Aid], record: ImuRecord, *, gate: bool = True) -
                 estimate=aid.estimate, mount_axes="xz" if wheels else "xyz", handling=handling,
             )
         )  # fmt: skip
+    return out
+
+
+def at_rest(rests: Sequence[RestSpans], record: ImuRecord) -> list[Measurement]:
+    """Return what the filter takes of spans at rest within a record."""
+    handling = Handling(gate=_GATE, source="aiding")
+    out: list[Measurement] = []
+    for rest in rests:
+        time = rest.times(record.start, record.end)
+        if len(time):
+            out.append(ZeroVelocity(time, 0.0, rest.sigma, name=rest.name, handling=handling))
     return out
 
 

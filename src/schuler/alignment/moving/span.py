@@ -64,19 +64,17 @@ def bias_at_rest(
 ) -> tuple[Array, ImuSpec]:
     """Return the gyro bias of a coarse instrument by rest before the span's end, and the prior."""
     # Only fixes and speeds tell rest from smooth motion: the record begins with the first one.
-    time = np.asarray(leader.time, np.float64)
     if isinstance(leader, GnssFixes):
-        if leader.speed is None:
+        moving = leader.moving
+        if moving is None:
             return np.zeros(3), spec
-        noise = np.asarray(leader.v_sigma)[:, :2].max(axis=1)
-        time, speed = time - leader.delay, leader.speed
     else:
-        noise = np.full(len(time), leader.sigma)
         speed = np.linalg.norm(leader.triples()[0], axis=1)
+        moving = np.asarray(leader.time, np.float64), speed > max(5.0 * leader.sigma, 0.2)
+    time = moving[0]
     before = record.between(float(time[0]), part.end)
     if spec.gyro.bias < _COARSE_GYRO or before.duration < _LEAST_FOR_REST:
         return np.zeros(3), spec
-    moving = (time, speed > np.maximum(3.0 * noise, 0.2))
     rests = find_rest(before, moving=moving)
     if not len(rests.time):
         return np.zeros(3), spec

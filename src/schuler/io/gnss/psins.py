@@ -7,15 +7,14 @@ ellipsoid, times those of the IMU beside it.
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from schuler.errors import InputError, shown
 from schuler.io.gnss.table import FixTable, GnssOptions
 from schuler.io.limits import check_size
+from schuler.io.mat import load_array
 from schuler.io.matfile import survey
 
 __all__ = ["PsinsFixReader"]
@@ -65,7 +64,7 @@ class PsinsFixReader:
         fitting = {}
         for name in names:
             check_size(sizes[name], path.stat().st_size, f"array '{shown(name)}'")
-            value = _load(path, name)
+            value = np.asarray(load_array(path, name))
             if value.ndim == 2 and value.shape[1] in _LAYOUTS and value.dtype.kind in "iuf":
                 fitting[name] = value
         if len(fitting) != 1:
@@ -81,18 +80,6 @@ class PsinsFixReader:
         }
         dropped: dict[str, int] = {}
         return FixTable(columns, "unstated", "", "ellipsoid", dropped)
-
-
-def _load(path: Path, name: str) -> Any:
-    from scipy.io import loadmat
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return np.asarray(loadmat(str(path), variable_names=[name])[name])
-    except Exception as error:  # SciPy's reader lets many kinds escape from damaged files
-        reason = (str(error).splitlines() or [""])[0] or type(error).__name__
-        raise InputError(f"is a damaged or truncated .mat file ({shown(reason)[:120]})") from None
 
 
 def _listing(names: list[str]) -> str:
