@@ -44,6 +44,7 @@ _EXPORTS = {
         "Aligner", "Alignment", "Analytic", "Auto", "KalmanAlignment", "Gyrocompass", "Inertial",
         "align", "align_windows", "align_without_latitude", "compare", "limit", "limit_on",
     ),
+    "schuler.alignment.transfer": ("transfer",),
     "schuler.allan_variance": ("allan", "fit_noise"),
     "schuler.calibration": ("Calibration", "calibrate_poses", "calibrate_systematic"),
     "schuler.campaigns": ("Campaign", "campaign"),
@@ -81,6 +82,7 @@ if TYPE_CHECKING:
     from schuler.alignment import compare as compare
     from schuler.alignment import limit as limit
     from schuler.alignment import limit_on as limit_on
+    from schuler.alignment.transfer import transfer as transfer
     from schuler.allan_variance import allan as allan
     from schuler.allan_variance import fit_noise as fit_noise
     from schuler.calibration import Calibration as Calibration

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from schuler.attitude import multiply, rotvec_to_quat
+from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
 from schuler.errors import InputError
 from schuler.ins import (
+    Attitude,
     BodyVelocity,
     ConstantBase,
     Handling,
@@ -18,6 +19,7 @@ from schuler.ins import (
     Layout,
     NonHolonomic,
     Position,
+    Rate,
     Velocity,
     ZeroDisplacement,
     ZeroForce,
@@ -27,7 +29,7 @@ from schuler.ins import (
 from schuler.ins.dynamics import SOURCES
 from schuler.kernels import ins_layout as kernel
 from schuler.kernels.measurement_rows import fill_rows
-from tests.ins.tools import SITE, nominal, propagate, settings, with_error
+from tests.ins.tools import CONJUGATE, SITE, nominal, propagate, settings, with_error
 
 ARM = (0.4, -1.2, 0.7)
 MOUNT = tuple(rotvec_to_quat(np.array([0.1, -0.2, 0.3])))
@@ -48,10 +50,16 @@ KINDS = {
     "heading": Heading([0.0], 1.0, 0.01, baseline=(0.5, 2.0, 0.3)),
     "zero displacement": ZeroDisplacement([0.0], sigma=0.01, lever=ARM, estimate=("lever",)),
     "constant base": ConstantBase([0.0], sigma=1e-4),
+    "velocity, rate now": Velocity([0.0], (1.0, 2.0, 3.0), 0.1, lever=ARM, rate_now=True,
+                                   estimate=("lever", "delay")),
+    "attitude": Attitude([0.0], (0.0, 0.0, 0.0), 1e-4, mount=MOUNT, delay=0.02,
+                         estimate=("mounting", "delay")),
+    "rate": Rate([0.0], (0.02, 0.3, 0.1), 1e-4, mount=MOUNT, estimate=("mounting", "delay")),
 }  # fmt: skip
 AT_A_PLACE = {"zero displacement", "constant base"}
 STEPS = {"phi": 1e-6, "velocity": 1e-3, "position": 1e-1, "gyro_bias": 1e-6, "lever": 1e-3,
-         "delay": 1e-4, "scale": 1e-4, "mount": 1e-6, "offset": 0.1, "base": 1e-6}  # fmt: skip
+         "delay": 1e-4, "scale": 1e-4, "mount": 1e-6, "mounting": 1e-6, "offset": 0.1,
+         "base": 1e-6}  # fmt: skip
 
 
 def predicted(aid, layout, state, est, cfg):
@@ -75,20 +83,35 @@ def test_rows_are_derivatives_of_the_prediction(name, which):
     layout = Layout(["phi", "velocity", "position", "gyro_bias", *aid.groups])
     cfg, _ = settings(fixed)
     state = nominal(rotvec_to_quat(size * rng.normal(size=3)), [3.0, 11.0, -0.5])
+    est = np.zeros(layout.padded)
+    if isinstance(aid, Attitude | Rate):
+        # Rows are derivatives where what was measured is as it was predicted.
+        off = 0.3 * rng.normal(size=3)
+        est[layout[f"{aid.label}.mounting"]] = off
+        mount = multiply(MOUNT, rotvec_to_quat(off))
+    if isinstance(aid, Rate):
+        aid = replace(aid, value=quat_to_matrix(mount) @ [0.1, -0.2, 0.4])
+    if isinstance(aid, Attitude):
+        back = rotvec_to_quat(-0.02 * np.array([0.1, -0.2, 0.4]))
+        quat = multiply(
+            multiply(state[kernel.QUAT_NB : kernel.QUAT_NB + 4], back), mount * CONJUGATE
+        )
+        aid = replace(aid, value=quat_to_rotvec(quat))
     rate = np.array([0.1, -0.2, 0.4])
-    state[kernel.RATE_B : kernel.RATE_B + 3] = rate
+    for now in (kernel.RATE_B, kernel.RATE_NOW, kernel.MEAN_RATE):
+        state[now : now + 3] = rate
     at = kernel.MEAN_ACCELERATION
     state[at : at + 3] = 1.0, -2.0, 0.3
     if fixed:
         turn = rotvec_to_quat(size * 1e-3 * rng.normal(size=3))
         state[kernel.QUAT_START : kernel.QUAT_START + 4] = turn
         state[kernel.QUAT_NB : kernel.QUAT_NB + 4] = turn
-    est = np.zeros(layout.padded)
 
     def value(x):
         s, e = with_error(layout, state, est, x, fixed)
         # What is left of a gyro bias, truth minus estimate, is in the rate as well.
-        s[kernel.RATE_B : kernel.RATE_B + 3] += x[layout["gyro_bias"]]
+        for now in (kernel.RATE_B, kernel.RATE_NOW, kernel.MEAN_RATE):
+            s[now : now + 3] += x[layout["gyro_bias"]]
         if name == "zero displacement":
             # An error of the attitude is one of the start as well.
             start = s[kernel.QUAT_START : kernel.QUAT_START + 4]

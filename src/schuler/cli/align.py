@@ -12,6 +12,7 @@ import click
 
 from schuler import __version__
 from schuler.cli.align_moving import align_in_motion, motion_options, motion_taken
+from schuler.cli.align_transfer import align_by_master, transfer_options, transfer_taken
 from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
 from schuler.cli.common import (
     emit_json,
@@ -88,6 +89,7 @@ __all__ = ["command"]
     "--find-latitude", is_flag=True, help="Find the latitude too; --lat is not needed then."
 )
 @motion_options
+@transfer_options
 @click.option("--follow", is_flag=True, help="Read on while the file (or - ) grows, live.")
 @click.option("--idle", type=Seconds(0.0), help="With --follow: end after so long without data.")
 @json_option()
@@ -100,6 +102,7 @@ def command(**options: Any) -> int:
       schuler align truck.csv --gyro deg/s --accel g --axes FRD --lat 48.1 --report truck.html
       schuler align truck.imu --spec navigation-rlg --windows 100s --at start --json -
       schuler align drive.csv --gnss car.pos --estimate delay --from +30s --to +90s
+      schuler align slave.csv --master fog.parquet --to +20s --then-free 30s
     """  # noqa: D301
     from schuler.alignment import (
         Aligner,
@@ -118,13 +121,21 @@ def command(**options: Any) -> int:
         raise InputError("--follow aligns all that comes: leave out --windows, --start and --stop")
     if idle is not None and not follow:
         raise InputError("--idle goes with --follow")
-    latitude_too, aids = options.pop("find_latitude"), motion_taken(options)
-    if aids is not None:
+    latitude_too, by_master = options.pop("find_latitude"), transfer_taken(options)
+    aids = motion_taken(options) if by_master is None else None
+    if aids is not None or by_master is not None:
         if latitude_too or follow or window is not None or name != "auto" or prefilter is not None:
             raise InputError(
                 "an alignment in motion has a method of its own: leave out --method, --prefilter, "
-                "--windows, --find-latitude and --follow beside --gnss, --odometer and --dvl"
+                "--windows, --find-latitude and --follow beside --gnss, --odometer, --dvl and "
+                "--master"
             )
+        if by_master is not None:
+            return align_by_master(
+                options, by_master, spec, at, (start, stop), (json_to, report_to),
+                calibration_from, _with_source,
+            )  # fmt: skip
+        assert aids is not None
         return align_in_motion(
             options, aids, spec, at, (start, stop), (json_to, report_to), calibration_from,
             _with_source,

@@ -17,11 +17,19 @@ if TYPE_CHECKING:
     from schuler.alignment import Alignment
     from schuler.record import ImuRecord
 
-__all__ = ["align_in_motion", "motion_options", "motion_taken"]
+__all__ = ["align_in_motion", "motion_options", "motion_taken", "read_whole", "say_alignment"]
 
 _AIDS = ("gnss", "odometer", "dvl")
 _KEYS = (*_AIDS, "dvl_frame", "dvl_lever", "gnss_sigma", "lever", "delay", "estimate", "vibration",
          "zupt")  # fmt: skip
+
+
+class _AutoNumber(Number):
+    """A number, or ``auto`` where it is to be found."""
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        """Return the number or "auto"."""
+        return value if value == "auto" else super().convert(value, param, ctx)
 
 
 def motion_options(function: Any) -> Any:
@@ -47,10 +55,12 @@ def motion_options(function: Any) -> Any:
             "--gnss-sigma", metavar="M,M/S",
             help="1-sigma of position and velocity, where the file has none (3,0.1).",
         ),
-        click.option("--lever", metavar="X,Y,Z", help="From IMU to antenna, m (body axes)."),
         click.option(
-            "--delay", type=Number(-10.0, 10.0, unit="s"), metavar="S",
-            help="A fix stamped t is valid at t - S.",
+            "--lever", metavar="X,Y,Z|auto", help="From IMU to antenna or master, m (body axes)."
+        ),
+        click.option(
+            "--delay", type=_AutoNumber(-10.0, 10.0, unit="s"), metavar="S|auto",
+            help="A fix, or a row of the master, stamped t is valid at t - S.",
         ),
         click.option(
             "--estimate", metavar="LIST", help="Of delay, lever, mount, scale, with commas."
@@ -104,6 +114,9 @@ def _read_aids(aids: dict[str, Any]) -> list[GnssFixes | BodySpeed | BodyVelocit
     ):  # fmt: skip
         if aids[key] is not None and aids[owner] is None:
             raise InputError(f"--{key.replace('_', '-')} is for --{owner}: give it")
+    for key in ("lever", "delay"):
+        if aids[key] == "auto":
+            raise InputError(f"--{key} auto is for --master: beside --gnss say --estimate {key}")
     out: list[GnssFixes | BodySpeed | BodyVelocity] = []
     if aids["gnss"] is not None:
         sigma, v_sigma = _sigmas(aids["gnss_sigma"])
@@ -145,8 +158,7 @@ def align_in_motion(
     from schuler.io.span import parse_record_time
     from schuler.sensors import load_spec
 
-    json_to, report_to = outputs
-    if report_to is not None:
+    if outputs[1] is not None:
         from schuler.reports.page import graph_objects
 
         graph_objects()  # a missing library is said before the work, too
@@ -154,7 +166,7 @@ def align_in_motion(
     source, finish = open_file(options, None, load_spec(spec))
     site = site_or_none(options, source)
     # What lies before the span may show rest, and with it the gyros' bias: it is read, too.
-    record = _whole(source, span[1], calibration_from)
+    record = read_whole(source, span[1], calibration_from)
     fixes = next((aid for aid in given if isinstance(aid, GnssFixes)), None)
     rest = [ZeroVelocity.found(record, fixes)] if aids["zupt"] else []
     begin = None
@@ -165,7 +177,14 @@ def align_in_motion(
         record, site, None, spec, at=at, aiding=[*given, *rest], span=(begin, None),
         vibration=aids["vibration"],
     )  # fmt: skip
-    fix = finished(fix, source, spec, calibration_from)
+    return say_alignment(finished(fix, source, spec, calibration_from), outputs, finish)
+
+
+def say_alignment(
+    fix: Alignment, outputs: tuple[str | None, str | None], finish: Any
+) -> int:  # fmt: skip
+    """Write JSON and report, print the result for people, and return the exit code."""
+    json_to, report_to = outputs
     if json_to is not None:
         emit_json(fix.to_dict(), json_to)
     if report_to is not None:
@@ -182,7 +201,8 @@ def align_in_motion(
     return 0 if fix.consistent else CONTRADICTED
 
 
-def _whole(source: Any, stop: Any, calibration_from: str | None) -> ImuRecord:
+def read_whole(source: Any, stop: Any, calibration_from: str | None) -> ImuRecord:
+    """Return the record of a source up to a time, calibrated where that is asked for."""
     from schuler.record import ImuRecord
 
     with progress(source, source.chunks(stop=stop)) as chunks:

@@ -19,6 +19,7 @@ from schuler.ins.epoch_states import EpochStates, SampleStates
 from schuler.ins.filter import ErrorStateFilter
 from schuler.ins.layout import Layout
 from schuler.ins.measurements import (
+    Attitude,
     BodyVelocity,
     ConstantBase,
     CustomMeasurement,
@@ -29,6 +30,7 @@ from schuler.ins.measurements import (
     NonHolonomic,
     OutputEpoch,
     Position,
+    Rate,
     State,
     Velocity,
     ZeroDisplacement,
@@ -42,6 +44,7 @@ from schuler.ins.state_group import StateGroup, groups_of
 
 __all__ = [
     "SOURCES",
+    "Attitude",
     "BodyVelocity",
     "ConstantBase",
     "CustomMeasurement",
@@ -59,6 +62,7 @@ __all__ = [
     "OutputEpoch",
     "Position",
     "ProcessNoise",
+    "Rate",
     "SampleStates",
     "Smoothed",
     "State",

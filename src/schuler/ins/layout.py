@@ -28,10 +28,11 @@ KERNEL_GROUPS: dict[str, tuple[int, int]] = {
     "frame_rate": (ins_layout.FRAME_RATE, 3),
     "base": (ins_layout.BASE, 3),
     "motion": (ins_layout.MOTION, 3),
+    "flexure": (ins_layout.FLEXURE, 6),
 }
 
 _SENSORS = ("gyro_", "accelerometer_", "frame_rate")
-_KEPT = ("base", "motion")
+_KEPT = ("base", "motion", "flexure")
 
 
 class Layout:

@@ -18,9 +18,9 @@ from schuler.ins.layout import Layout
 from schuler.kernels import ins_layout as kernel
 
 __all__ = [
-    "BodyVelocity", "ConstantBase", "CustomMeasurement", "Handling", "Heading", "Height",
-    "Measurement", "NonHolonomic", "OutputEpoch", "Position", "State", "Velocity",
-    "ZeroDisplacement", "ZeroForce", "ZeroRate", "ZeroVelocity",
+    "Attitude", "BodyVelocity", "ConstantBase", "CustomMeasurement", "Handling", "Heading",
+    "Height", "Measurement", "NonHolonomic", "OutputEpoch", "Position", "Rate", "State",
+    "Velocity", "ZeroDisplacement", "ZeroForce", "ZeroRate", "ZeroVelocity",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -99,10 +99,13 @@ class Measurement:
     delay : float
         A measurement stamped t is valid at t - delay, s.
     estimate : tuple of str
-        Which of "lever", "delay", "scale", "mount" and "offset" are states: what is given is then
-        only their start.
+        Which of "lever", "delay", "scale", "mount", "mounting" and "offset" are states: what is
+        given is then only their start.
     shared : mapping of str to str, optional
         Which of these states are those of another aid, and of which.
+    rate_now : bool
+        Take the angular rate at the instant, from the last two samples, for the lever arm's
+        velocity, in place of the mean of the last sample.
     """
 
     time: ArrayLike
@@ -114,6 +117,7 @@ class Measurement:
     delay: float = 0.0
     estimate: tuple[str, ...] = ()
     shared: Mapping[str, str] = field(default_factory=dict)
+    rate_now: bool = False
 
     KIND: ClassVar[int] = -1
     STATES: ClassVar[Mapping[str, int]] = {"lever": 3, "delay": 1}
@@ -166,6 +170,7 @@ class Measurement:
         aid = handled(self.handling, sources)
         aid[kernel.A_LEVER : kernel.A_LEVER + 3] = self.lever
         aid[kernel.A_DELAY] = self.delay
+        aid[kernel.A_RATE_NOW] = self.rate_now
         for part, place in (
             ("lever", kernel.A_AT_LEVER), ("delay", kernel.A_AT_DELAY),
             ("scale", kernel.A_AT_SCALE), ("offset", kernel.A_AT_OFFSET),
@@ -263,6 +268,54 @@ class BodyVelocity(Measurement):
             if first >= 0:
                 aid[kernel.A_AT_MOUNT + "xyz".index(axis)] = first + k
         return aid
+
+
+@dataclass(frozen=True, eq=False)
+class _OfMaster(Measurement):
+    """What another navigation on the same vehicle says of its own body.
+
+    Parameters
+    ----------
+    mount : (4,) array_like
+        Quaternion M from the body to that of the master, C = C_m M; an estimated mounting is a
+        rotation vector m in the body's axes, M exp([m x]).
+    """
+
+    mount: ArrayLike = (1.0, 0.0, 0.0, 0.0)
+    rate_now: bool = True
+
+    STATES: ClassVar[Mapping[str, int]] = {"mounting": 3, "delay": 1}
+
+    def parameters(self, layout: Layout, sources: tuple[str, ...]) -> Array:
+        """Return the kernel's description of the aid, (A_SIZE,)."""
+        aid = super().parameters(layout, sources)
+        aid[kernel.A_MOUNT : kernel.A_MOUNT + 4] = self.mount
+        if "mounting" in self.estimate:
+            aid[kernel.A_AT_MOUNT] = layout.index(self.group("mounting"))
+        return aid
+
+
+@dataclass(frozen=True, eq=False)
+class Attitude(_OfMaster):
+    """Attitude of a master: rotation vectors of its C_b^n, East-North-Up, rad.
+
+    sigma is east, north and up, rad. With the group "flexure" in the layout the master's mounting
+    also bends.
+    """
+
+    KIND: ClassVar[int] = kernel.ATTITUDE_FIX
+    LABEL: ClassVar[str] = "attitude"
+
+
+@dataclass(frozen=True, eq=False)
+class Rate(_OfMaster):
+    """Angular rate of a master against inertial space, its own body axes, rad/s.
+
+    sigma is along the axes of the body that is navigated, rad/s.
+    """
+
+    KIND: ClassVar[int] = kernel.RATE_FIX
+    LABEL: ClassVar[str] = "rate"
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ from schuler.kernels._jit import kernel
 from schuler.kernels.covariance_steps import chain_transition, find_columns, move_state, predict
 from schuler.kernels.entries import four, put_four
 from schuler.kernels.error_rates import fill_transition
+from schuler.kernels.flexure import couple_flexure, drive_flexure
 from schuler.kernels.measurement_updates import take_group
 from schuler.kernels.nominal_steps import feed_back, take_sample
 from schuler.kernels.quat import qexp, qmul
@@ -39,11 +40,18 @@ def predict_step(
     t = state[layout.SPAN]
     fill_transition(transition, decay, rates, fade, state, at, cfg, options, dynamic)
     find_columns(transition, columns, dynamic)
+    flexure = at[layout.FLEXURE]
+    if flexure >= 0:
+        # What is not on the transition's diagonal goes before; nothing else depends on it.
+        couple_flexure(x, p, parts, chain, flexure, t, fade[flexure])
     move_state(x, transition, decay, line, dynamic)
     for i in range(size):
         line[i] = walk[i] * t + bound[i] * (1.0 - decay[i] * decay[i])
         if fade[i] != 0.0 and sign[i] != 0.0:
             est[i] *= decay[i]
+    if flexure >= 0:
+        for i in range(flexure, flexure + 6):
+            line[i] = 0.0
     if cfg[layout.VERTICAL] != 0.0:
         line[5] = 0.0
         if dynamic > 6:
@@ -53,6 +61,11 @@ def predict_step(
         for i in range(size):
             noise[i] = line[i] if source[i] == m else 0.0
         predict(parts[m], transition, columns, decay, noise, work, flipped, block, dynamic)
+    if flexure >= 0:
+        own = int(source[flexure])
+        drive_flexure(p, flexure, t, fade[flexure], bound[flexure])
+        if own < parts.shape[0]:
+            drive_flexure(parts[own], flexure, t, fade[flexure], bound[flexure])
     if chain.shape[0] > 0:
         chain_transition(chain, transition, columns, decay, work, dynamic)
     state[layout.SPENT] = 1.0

@@ -30,7 +30,8 @@ ACCELEROMETER_MATRIX = 10
 FRAME_RATE = 11
 BASE = 12
 MOTION = 13
-GROUPS = 14
+FLEXURE = 14  # angles and their rates: a second-order process
+GROUPS = 15
 
 # The nominal navigation, `state`.
 TIME = 0
@@ -62,11 +63,13 @@ MEAN_C = 42  # 9, integral of C_b^n, by rows
 MEAN_F = 51  # 3, integral of the specific force, n axes
 GYRO_PRODUCT = 54  # 27, integral of C_ij w_k
 FORCE_PRODUCT = 81  # 27, integral of C_ij f_k
-STATE_SIZE = 112
+RATE_NOW = 112  # 3, angular rate of the body at the end of the last update
+MEAN_RATE = 115  # 3, the same over the last `ACCELERATION_TIME`
+STATE_SIZE = 118
 
 ACCELERATION_TIME = 0.2
-"""Time over which the acceleration is averaged that a delay is multiplied by, s: vibration in
-single samples would pull an estimated delay towards nothing."""
+"""Time over which acceleration and rate are averaged that a delay is multiplied by, s: noise of
+single samples would make a delay look observable, and bias it towards zero."""
 
 # Settings, `cfg`.
 FIXED_PLACE = 0  # 1: latitude and height are known and do not change
@@ -92,6 +95,8 @@ ZERO_DISPLACEMENT = 6
 CONSTANT_BASE = 7
 ZERO_FORCE = 8
 CUSTOM = 9
+ATTITUDE_FIX = 10
+RATE_FIX = 11
 
 # A row of the table of measurements.
 M_TIME = 0
@@ -122,7 +127,8 @@ A_GUARD_COUNT = 25
 A_GUARD_TIME = 26
 A_SOURCE = 27  # part of the budget that its noise belongs to
 A_GATE = 28  # MOST_ROWS numbers: largest squared innovation by degrees of freedom
-A_SIZE = 34
+A_RATE_NOW = 34  # 1: the rate at the instant, not the mean of the last sample
+A_SIZE = 35
 
 PLAIN, HUBER, IGG3 = 0, 1, 2
 """Robust rules: none, weights of Huber, weights and refusals of IGG-III."""

@@ -10,6 +10,8 @@ the body against the Earth, a the acceleration and tau the delay of the aid:
     zero rate      b_g + C^T w_ie
     height         h + (C l)_up + offset
     heading        atan2(u_E, u_N), u = C baseline
+    attitude       phi of C exp(-w tau) (C_m M)^T       M from the body to that of a master
+    rate           w_ib - M^T w_m - w' tau
 
 and at a fixed place the displacement since the start, the rotation of the base since then, and the
 horizontal specific force.
@@ -58,6 +60,21 @@ def offset_from(q_ne, height, lat, lon, other):
     return -(x - along * z[0]) / a, -(y - along * z[1]) / a, height - other
 
 
+@helper
+def right_jacobian_row(row, turn):
+    """Return row J, where exp(turn + d) = exp(turn) exp(J d) for small d."""
+    angle2 = dot(turn, turn)
+    if angle2 < 1e-6:
+        first, second = 0.5 - angle2 / 24.0, 1.0 / 6.0 - angle2 / 120.0
+    else:
+        angle = math.sqrt(angle2)
+        first = (1.0 - math.cos(angle)) / angle2
+        second = (angle - math.sin(angle)) / (angle2 * angle)
+    # row [turn x] = row x turn.
+    once = cross(row, turn)
+    return axpy(second, cross(once, turn), axpy(-first, once, row))
+
+
 @kernel
 def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
     """Fill the rows of one measurement; return how many there are.
@@ -94,7 +111,10 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
     else:
         s = spin_axis(four(state, layout.QUAT_NE))
         earth = (EARTH_RATE * s[0], EARTH_RATE * s[1], EARTH_RATE * s[2])
-    w = axpy(-1.0, qrotate(qconj(q), earth), three(state, layout.RATE_B))
+    rate_b = three(state, layout.RATE_B)
+    if aid[layout.A_RATE_NOW] != 0.0:
+        rate_b = three(state, layout.RATE_NOW)
+    w = axpy(-1.0, qrotate(qconj(q), earth), rate_b)
     if fixed:
         # At a fixed place the Earth's share is nothing beside a lever of metres.
         w = three(state, layout.RATE_B)
@@ -116,6 +136,13 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
             turned = place
         else:
             acceleration = three(state, layout.MEAN_ACCELERATION)
+            if aid[layout.A_RATE_NOW] != 0.0:
+                mean = three(state, layout.MEAN_RATE)
+                # Of an average that follows with a time constant, the rate of change.
+                change = axpy(-1.0, mean, three(state, layout.RATE_B))
+                faster = axpy(1.0 / layout.ACCELERATION_TIME, change, (0.0, 0.0, 0.0))
+                swing = add(cross(faster, lever), cross(mean, cross(mean, lever)))
+                acceleration = add(acceleration, qrotate(q, swing))
             value = axpy(-tau, acceleration, v_l)
             change = acceleration
             turned = rotated
@@ -235,6 +262,61 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
         z[0] -= 2.0 * math.pi * math.floor(z[0] / (2.0 * math.pi) + 0.5)
         level = u[0] * u[0] + u[1] * u[1]
         h[0, 0], h[0, 1], h[0, 2] = -u[0] * u[2] / level, -u[1] * u[2] / level, 1.0
+    elif kind in (layout.ATTITUDE_FIX, layout.RATE_FIX):
+        turn = (0.0, 0.0, 0.0)
+        at_mount = int(aid[layout.A_AT_MOUNT])
+        if at_mount >= 0:
+            turn = three(est, at_mount)
+        mount = qmul(four(aid, layout.A_MOUNT), qexp(turn))
+        measured = three(row, layout.M_VALUE)
+        mean = three(state, layout.MEAN_RATE)
+        if kind == layout.ATTITUDE_FIX:
+            # The master's attitude is East-North-Up; here it is turned into the wander frame.
+            ce, se = 1.0, 0.0
+            if not fixed:
+                ce, se = east_in_frame(four(state, layout.QUAT_NE))
+            to_frame = qexp((0.0, 0.0, math.atan2(se, ce)))
+            other = qmul(qmul(to_frame, qexp(measured)), mount)
+            none = (0.0, 0.0, 0.0)
+            slow = axpy(-1.0, qrotate(qconj(q), earth), mean)
+            valid = qmul(q, qexp(axpy(-tau, slow, none)))
+            c = quat_to_matrix(valid)
+            # The logarithm of the inverse: phi is that of an estimate I - [phi x].
+            value = qlog(qmul(other, qconj(valid)))
+            change = axpy(-1.0, qrotate(q, slow), none)
+        else:
+            change = axpy(-1.0, mean, three(state, layout.RATE_B))
+            change = axpy(1.0 / layout.ACCELERATION_TIME, change, (0.0, 0.0, 0.0))
+            value = axpy(-1.0, qrotate(qconj(mount), measured), axpy(-tau, change, rate_b))
+        for i in range(3):
+            z[i] = value[i]
+            unit = (1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0)
+            # A row of C, or of -[w x].
+            of_mount = c[i] if kind == layout.ATTITUDE_FIX else cross(rate_b, unit)
+            first = at[layout.FLEXURE]
+            for n in range(3):
+                if first >= 0:
+                    h[i, first + n] = -of_mount[n]
+            if kind == layout.ATTITUDE_FIX:
+                h[i, i] = 1.0
+                for n in range(3):
+                    if at[layout.GYRO_BIAS] >= 0:
+                        h[i, at[layout.GYRO_BIAS] + n] = tau * c[i][n]
+                    if at[layout.GYRO_MARKOV] >= 0:
+                        h[i, at[layout.GYRO_MARKOV] + n] = tau * c[i][n]
+            else:
+                if first >= 0:
+                    h[i, first + 3 + i] = 1.0
+                if at[layout.GYRO_BIAS] >= 0:
+                    h[i, at[layout.GYRO_BIAS] + i] = 1.0
+                if at[layout.GYRO_MARKOV] >= 0:
+                    h[i, at[layout.GYRO_MARKOV] + i] = 1.0
+            if at_mount >= 0:
+                of_vector = right_jacobian_row(of_mount, turn)
+                for n in range(3):
+                    h[i, at_mount + n] = of_vector[n]
+            if at_delay >= 0:
+                h[i, at_delay] = -change[i]
     elif kind == layout.ZERO_DISPLACEMENT:
         place = three(state, layout.DISPLACEMENT)
         start = quat_to_matrix(four(state, layout.QUAT_START))

@@ -97,6 +97,16 @@ def take_sample(state, survey, est, at, cfg, options, t, part, a, f, inside):
         three(state, layout.ANGLE_BEFORE), three(state, layout.VELOCITY_BEFORE), whole_a, whole_f
     )
     con, scu = scale(part, con), scale(part, scu)
+    if state[layout.SAMPLES] > 0.0:
+        # Means of this sample and the one before, half a sample behind their ends.
+        turn = scale(1.0 / (t * t), axpy(-1.0, three(state, layout.ANGLE_BEFORE), whole_a))
+    else:
+        turn = (0.0, 0.0, 0.0)
+    ahead = (state[layout.CONSUMED] + part - 0.5) * t
+    put_three(state, layout.RATE_NOW, axpy(ahead, turn, scale(1.0 / h, ta)))
+    weight = h / (layout.ACCELERATION_TIME + h) if state[layout.SAMPLES] > 0.0 else 1.0
+    for c in range(3):
+        state[layout.MEAN_RATE + c] += weight * (ta[c] / h - state[layout.MEAN_RATE + c])
     rows = quat_to_matrix(qmul(q, qexp(scale(0.5, ta))))
     if cfg[layout.FIXED_PLACE] == 0.0:
         q, v, p, height, pull, force = advance(

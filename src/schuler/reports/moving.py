@@ -29,8 +29,10 @@ def moving_sections(fix: MovingAlignment) -> list[Section]:
     rows = [
         ("measurements", ", ".join(f"{n} {name}" for name, n in fix.used.items())),
         ("refused", ", ".join(f"{n} {name}" for name, n in fix.refused.items() if n) or "none"),
-        ("coarse stage", f"from {found.form}, t = {found.window[0]:.6g} to "
-         f"{found.window[1]:.6g} s, heading ± {found.heading_sigma / DEG:.2g} deg"),
+        *([] if found is None else [
+            ("coarse stage", f"from {found.form}, t = {found.window[0]:.6g} to "
+             f"{found.window[1]:.6g} s, heading ± {found.heading_sigma / DEG:.2g} deg"),
+        ]),
         ("passes of the filter", str(fix.passes)),
         ("mean squared innovation", f"{fix.mean_square:.3g} (1 where the noise is as it is said)"),
         ("velocity east, north, up", _with_sigma(fix.v_n, fix.v_sigma, "m/s")),

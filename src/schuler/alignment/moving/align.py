@@ -45,7 +45,7 @@ from schuler.ins import Measurement
 from schuler.record import ImuRecord, Summariser
 from schuler.sensors import CONSUMER_MEMS, ImuSpec, load_spec
 
-__all__ = ["align_moving"]
+__all__ = ["align_moving", "mean_square", "track_history"]
 
 Array = NDArray[np.float64]
 
@@ -273,7 +273,7 @@ class _Prepared:
         start = self.nominal(rough)
         for noise in self._vibrations() if vibration is None else (vibration,):
             found = fine(self.record, start, self.spec, noise, measured, aids)
-            square = _mean_square(found, measured)
+            square = mean_square(found, measured)
             if square < _AGREES:
                 break
         late = _delays(found, measured)
@@ -283,7 +283,7 @@ class _Prepared:
             measured = [_restamped(each, late.get(each.label, 0.0), self.record)
                         for each in measured]  # fmt: skip
             found = fine(self.record, start, self.spec, noise, measured, aids)
-            square = _mean_square(found, measured)
+            square = mean_square(found, measured)
         return found, _Taken(tuple(measured), late if moved else {}, noise, square)
 
 
@@ -308,7 +308,7 @@ def _restamped(aid: Measurement, late: float, record: ImuRecord) -> Measurement:
     return replace(aid, time=time[inside], delay=0.0, **cut)
 
 
-def _mean_square(found: FineAlignment, measured: Sequence[Measurement]) -> float:
+def mean_square(found: FineAlignment, measured: Sequence[Measurement]) -> float:
     """Return the mean squared normalised innovation of what was taken."""
     total, count = 0.0, 0
     for aid in measured:
@@ -370,7 +370,7 @@ def _result(
         budget=budget, bound=_bound(prepared, found, measured, at), warnings=tuple(warnings),
         spec=spec, orthonormality=None, gyro_bias=state.parameters["gyro_bias"],
         accel_bias=state.parameters["accelerometer_bias"],
-        bias_covariance=state.covariance[np.ix_(pick, pick)], history=_history(record),
+        bias_covariance=state.covariance[np.ix_(pick, pick)], history=track_history(record),
         summary=summariser.summary(),
         inputs={"record": record.name}, state=state, coarse=rough, measured=measured,
         used=used, refused=refused, passes=found.passes, mean_square=square,
@@ -396,7 +396,8 @@ def _bound(
     return np.asarray(filtered_end(flt)[0].covariance[:3, :3])
 
 
-def _history(record: ImuRecord) -> History:
+def track_history(record: ImuRecord) -> History:
+    """Return the running sums of a record."""
     from schuler.kernels import tracking
     from schuler.kernels.states import TrackerState
 

@@ -10,7 +10,7 @@ Source: Bell (1994), the iterated smoother as a Gauss-Newton method.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,8 +107,8 @@ class FineAlignment:
     filter: ErrorStateFilter
 
 
-def run_pass(flt: ErrorStateFilter, record: ImuRecord) -> None:
-    """Feed a record; correct the navigation once the heading is known."""
+def run_pass(flt: ErrorStateFilter, record: ImuRecord, *, correct: bool = True) -> None:
+    """Feed a record; where that is allowed, correct the navigation once the heading is known."""
     begin = record.start
     while begin < record.end - 1e-9:
         chunk = record.between(begin, begin + _CHUNK)
@@ -116,7 +116,7 @@ def run_pass(flt: ErrorStateFilter, record: ImuRecord) -> None:
         if not len(chunk):
             continue
         flt.update(chunk)
-        if not flt.feedback and flt.covariance[2, 2] < _KNOWN**2:
+        if correct and not flt.feedback and flt.covariance[2, 2] < _KNOWN**2:
             flt.feedback = True
 
 
@@ -163,9 +163,10 @@ def _smoothed_start(flt: ErrorStateFilter, before: Nominal, time: float) -> Fine
     # At the start the wander frame is East-North-Up.
     parameters = {}
     for name in layout:
-        if name in ("phi", "velocity", "position"):
-            continue
         place = layout[name]
+        # What is never fed back has no estimate that a pass could start from.
+        if name in ("phi", "velocity", "position") or not layout.sign[place.start]:
+            continue
         sign = np.where(layout.sign[place] < 0.0, -1.0, 1.0)
         old = before.parameters.get(name, np.zeros(place.stop - place.start))
         parameters[name] = old + sign * error[place]
@@ -239,28 +240,63 @@ def fine(
         If the span is so long that it would take too much memory.
     """
     layout = layout_of(spec, measured)
+
+    def build(nominal: Nominal, error: Array, divided: bool) -> ErrorStateFilter:
+        return make_filter(
+            nominal, spec, vibration, measured, aids, error_state=error, smooth=not divided,
+            budget=divided,
+        )  # fmt: skip
+
+    return iterate(record, start, layout, measured, build, budget=budget)
+
+
+def iterate(
+    record: ImuRecord, start: Nominal, layout: Layout, measured: Sequence[Measurement],
+    build: Callable[[Nominal, Array, bool], ErrorStateFilter], *, nominal: Nominal | None = None,
+    correct: bool = True, budget: bool = True, most: int = _MOST_PASSES,
+) -> FineAlignment:  # fmt: skip
+    """Repeat passes of a filter from its own smoothed start until that no longer moves.
+
+    Parameters
+    ----------
+    record : ImuRecord
+    start : Nominal
+        The prior's mean.
+    layout : Layout
+    measured : sequence of Measurement
+    build : callable
+        Returns a filter that starts at a nominal, with an error state, and that keeps what a
+        smoother needs, or else its covariance by source.
+    nominal : Nominal, optional
+        Where the first pass starts, if not at the prior's mean.
+    correct : bool
+        Let a pass correct its navigation once the heading is known.
+    budget : bool
+        Divide the last pass's covariance by source.
+    most : int
+        Passes at most.
+
+    Raises
+    ------
+    InputError
+        If the span is so long that it would take too much memory.
+    """
     _fits(measured, layout, record)
-    nominal, passes, moved = start, 0, np.inf
+    nominal, passes, moved = nominal or start, 0, np.inf
     while True:
         passes += 1
-        flt = make_filter(
-            nominal, spec, vibration, measured, aids,
-            error_state=_difference(layout, nominal, start), smooth=True,
-        )  # fmt: skip
-        run_pass(flt, record)
+        flt = build(nominal, _difference(layout, nominal, start), False)
+        run_pass(flt, record, correct=correct)
         begin = _smoothed_start(flt, nominal, record.start)
         step = _difference(layout, nominal, begin.nominal)
         sigma = np.sqrt(np.maximum(np.diag(begin.covariance), 1e-300))
         moved = float(np.max(np.abs(step / sigma)))
-        if (passes >= 2 and moved < _STILL) or passes == _MOST_PASSES:
+        if (passes >= 2 and moved < _STILL) or passes == most:
             break
         nominal = begin.nominal
     end, parts = filtered_end(flt)
     if budget:
-        last = make_filter(
-            nominal, spec, vibration, measured, aids,
-            error_state=_difference(layout, nominal, start), budget=True,
-        )  # fmt: skip
-        run_pass(last, record)
+        last = build(nominal, _difference(layout, nominal, start), True)
+        run_pass(last, record, correct=correct)
         end, parts = filtered_end(last)
     return FineAlignment(begin, end, parts, passes, moved, flt)

@@ -65,8 +65,8 @@ class MovingAlignment(Alignment):
     ----------
     state : FineState
         All that is known at the instant, with its covariance.
-    coarse : CoarseAlignment
-        What the filter started from.
+    coarse : CoarseAlignment or None
+        What the filter started from; None where that was a master.
     measured : tuple of Measurement
         What it took.
     used, refused : dict of str to int
@@ -85,7 +85,7 @@ class MovingAlignment(Alignment):
     """
 
     state: FineState = field(kw_only=True, repr=False)
-    coarse: CoarseAlignment = field(kw_only=True, repr=False)
+    coarse: CoarseAlignment | None = field(kw_only=True, repr=False)
     measured: tuple[Measurement, ...] = field(kw_only=True, repr=False)
     used: dict[str, int] = field(kw_only=True)
     refused: dict[str, int] = field(kw_only=True)
@@ -150,12 +150,14 @@ class MovingAlignment(Alignment):
     def to_dict(self) -> dict[str, Any]:
         """Return the keys of one at rest, and ``"aids"``."""
         out = super().to_dict()
+        rough = self.coarse
         out["aids"] = {
-            "used": self.used, "refused": self.refused, "form": self.coarse.form,
-            "coarse": {
-                "start_s": self.coarse.window[0], "end_s": self.coarse.window[1],
-                "heading_sigma_arcmin": self.coarse.heading_sigma / ARCMIN,
-                "residual_ratio": self.coarse.ratio,
+            "used": self.used, "refused": self.refused,
+            "form": "master" if rough is None else rough.form,
+            "coarse": None if rough is None else {
+                "start_s": rough.window[0], "end_s": rough.window[1],
+                "heading_sigma_arcmin": rough.heading_sigma / ARCMIN,
+                "residual_ratio": rough.ratio,
             },
             "passes": self.passes, "mean_square_innovation": self.mean_square,
             "position": {
@@ -172,10 +174,15 @@ class MovingAlignment(Alignment):
         said = ", ".join(f"{n} {name}" for name, n in self.used.items())
         off = sum(self.refused.values())
         v, s = self.v_n, self.v_sigma
+        rough = ""
+        if self.coarse is not None:
+            rough = (
+                f"coarse heading ± {self.coarse.heading_sigma / DEG:.2g} deg from "
+                f"{self.coarse.form}, "
+            )
         more = [
-            f"moving: {said}{f', {off} refused' if off else ''}; coarse heading ± "
-            f"{self.coarse.heading_sigma / DEG:.2g} deg from {self.coarse.form}, "
-            f"{self.passes} passes of the filter",
+            f"moving: {said}{f', {off} refused' if off else ''}; {rough}{self.passes} passes of "
+            "the filter",
             f"velocity {v[0]:.3f}, {v[1]:.3f}, {v[2]:.3f} m/s east, north, up "
             f"(± {s[0]:.2g}, {s[1]:.2g}, {s[2]:.2g}); position {self.site.lat:.7f} deg, "
             f"{self.site.lon:.7f} deg, {self.site.height:.2f} m "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -43,6 +43,7 @@ __all__ = [
     "make_filter",
     "measurements",
     "prior_sigma",
+    "process_noise",
 ]
 
 Array = NDArray[np.float64]
@@ -199,8 +200,13 @@ def prior_sigma(
     return out
 
 
-def process_noise(layout: Layout, spec: ImuSpec, vibration: float) -> ProcessNoise:
-    """Return the noise of a specification, with no less velocity random walk than vibration's."""
+def process_noise(
+    layout: Layout, spec: ImuSpec, vibration: float, more: Mapping[str, GroupNoise] | None = None
+) -> ProcessNoise:
+    """Return the noise of a specification, with no less velocity random walk than vibration's.
+
+    `more` is the noise of groups that are not the instrument's.
+    """
     noise = instrument_noise(layout, spec)
     white = max(spec.accelerometer.white, vibration)
     noise["velocity"] = replace(noise["velocity"], walk=white**2)
@@ -208,7 +214,7 @@ def process_noise(layout: Layout, spec: ImuSpec, vibration: float) -> ProcessNoi
         # What is called bias instability wanders within minutes: a walk that reaches it in 300 s.
         walk = float(np.max(np.asarray(noise[group].walk))) + part.bias_instability**2 / 300.0
         noise[group] = GroupNoise(walk, source=noise[group].source)
-    return ProcessNoise.of(layout, noise, _SOURCES)
+    return ProcessNoise.of(layout, {**noise, **(more or {})}, _SOURCES)
 
 
 def make_filter(

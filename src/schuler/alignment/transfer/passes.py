@@ -1,0 +1,126 @@
+"""Passes of the filter of a transfer alignment: without feedback, each about the one before.
+
+Corrected in mid-span, a start that is wrong by a degree makes the filter too sure of what straight
+flight does not show.
+A delay is taken off the master's times, and the passes are made again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.alignment.moving.align import mean_square
+from schuler.alignment.moving.fine import FineAlignment, iterate
+from schuler.alignment.transfer.setup import Matching
+from schuler.ins import Layout, Measurement
+
+__all__ = ["Found", "budget_and_bound", "passes"]
+
+Array = NDArray[np.float64]
+
+_VIBRATION = (0.0, 0.003, 0.01, 0.03, 0.1)
+"""Velocity random walks that are tried until the innovations agree, m/s/sqrt(s)."""
+
+AGREES = 1.3
+"""Mean squared normalised innovation up to which all is as it was said to be."""
+
+_DELAY_LEFT, _DELAY_PASSES = 2e-4, 5
+"""A delay (s) that is found beyond the first is taken off the times, so many times at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Passes over a span.
+
+    Parameters
+    ----------
+    fine : FineAlignment
+    layout : Layout
+    prior : (n, n) float64
+        Covariance before anything is measured.
+    measured : tuple of Measurement
+    delay : float
+        What is off the master's times, s.
+    square : float
+        Mean squared normalised innovation.
+    vibration : float
+        Velocity random walk that was taken, m/s/sqrt(s).
+    """
+
+    fine: FineAlignment
+    layout: Layout
+    prior: Array
+    measured: tuple[Measurement, ...]
+    delay: float
+    square: float
+    vibration: float
+
+
+def passes(matching: Matching, vibration: float | None) -> Found:
+    """Return the passes with the noise that their innovations agree with."""
+    for walk in _VIBRATION if vibration is None else (vibration,):
+        found = _delayed(matching, walk)
+        if found.square < AGREES:
+            break
+    return found
+
+
+def _delayed(matching: Matching, walk: float) -> Found:
+    """Return the passes once the master's delay is off its times."""
+    delay, nominal = matching.known.delay, None
+    again = _DELAY_PASSES
+    while True:
+        # The last passes judge each row; those before are too far off for that.
+        measured = matching.measured(delay, gate=again == 0)
+        layout = matching.layout(measured)
+        start = matching.start(delay)
+        build = partial(matching.build, layout, start, measured, walk)
+        fine = iterate(
+            matching.record, start, layout, measured, build, nominal=nominal, correct=False,
+            budget=False,
+        )  # fmt: skip
+        if again == 0:
+            break
+        rest = _rest(fine)
+        again -= 1
+        nominal = fine.start.nominal
+        if abs(rest) < _DELAY_LEFT:
+            again = 0
+            continue
+        delay += rest
+        late = {"transfer.delay": np.zeros(1)}
+        nominal = replace(nominal, parameters={**nominal.parameters, **late})
+    return Found(
+        fine, layout, matching.prior(layout, start), tuple(measured), delay,
+        mean_square(fine, measured), walk,
+    )  # fmt: skip
+
+
+def _rest(fine: FineAlignment) -> float:
+    delay = fine.end.parameters.get("transfer.delay")
+    return 0.0 if delay is None else float(delay[0])
+
+
+def budget_and_bound(
+    matching: Matching, found: Found, at: str
+) -> tuple[dict[str, Array], Array]:  # fmt: skip
+    """Return phi's covariance by source, and what it would be without vibration."""
+    measured = list(found.measured)
+    out: list[FineAlignment] = []
+    start = matching.start(found.delay)
+    for walk in dict.fromkeys((found.vibration, 0.0)):
+        build = partial(matching.build, found.layout, start, measured, walk)
+        out.append(
+            iterate(
+                matching.record, start, found.layout, measured, build,
+                nominal=found.fine.start.nominal, correct=False, budget=walk == found.vibration,
+                most=1,
+            )
+        )  # fmt: skip
+    last = out[-1].end if at == "end" else out[-1].start
+    budget = {name: part for name, part in out[0].budget.items() if np.any(part)}
+    return budget, np.asarray(last.covariance[:3, :3])
