@@ -11,7 +11,7 @@ help:
 	@echo "make test     run the tests (two at a time)"
 	@echo "make coverage run the tests compiled and uncompiled, and count the statements they reach"
 	@echo "make fuzz     damaged files, odd command lines, forged packets: the long leg (an hour)"
-	@echo "make validate simulate the tables of sigma.md, consistency.md, prefilter.md and in-motion.md anew (an hour)"
+	@echo "make validate simulate the tables of sigma.md, consistency.md, prefilter.md, in-motion.md and transfer.md anew (an hour)"
 	@echo "make demo     align a simulated truck and draw the report into out/"
 	@echo "make lint     style, types, and which module imports which"
 	@echo "make bench    time schuler beside its peers, into docs/benchmarks.md"

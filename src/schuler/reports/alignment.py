@@ -14,11 +14,13 @@ from schuler.alignment import (
     convergence,
     residual,
 )
+from schuler.alignment.transfer import TransferAlignment
 from schuler.constants import ARCMIN
 from schuler.errors import expect
 from schuler.reports import figures
 from schuler.reports.moving import moving_sections
 from schuler.reports.page import Drawing, Section, contradiction_box, definition_table, write_page
+from schuler.reports.transfer import transfer_sections
 from schuler.trajectory import Trajectory
 
 __all__ = ["report"]
@@ -63,7 +65,10 @@ def report(result: Alignment | Windows | LatitudeFix | Trajectory, path: str | P
     assert isinstance(fix, Alignment)
     name = fix.inputs.get("record", "record")
     if isinstance(fix, MovingAlignment):
-        sections = [*moving_sections(fix), _budget(fix), _tables(fix)]
+        sections = moving_sections(fix)
+        if isinstance(fix, TransferAlignment):
+            sections += transfer_sections(fix)
+        sections += [_budget(fix), _tables(fix)]
     else:
         sections = [_convergence(fix)]
         if windows is not None:

@@ -37,7 +37,7 @@ def moving_sections(fix: MovingAlignment) -> list[Section]:
         ("mean squared innovation", f"{fix.mean_square:.3g} (1 where the noise is as it is said)"),
         ("velocity east, north, up", _with_sigma(fix.v_n, fix.v_sigma, "m/s")),
         ("position", f"{fix.site.lat:.8f} deg, {fix.site.lon:.8f} deg, {fix.site.height:.3f} m"),
-        *fix.estimate_rows(),
+        *((name.rstrip(":"), text) for name, text in fix.estimate_rows()),
     ]  # fmt: skip
     drawings = [_sigma(fix)]
     drawings += [_innovations(fix, name) for name in fix.innovations if fix.used[name]]

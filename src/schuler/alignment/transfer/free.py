@@ -12,7 +12,7 @@ from schuler.alignment.moving.setup import Nominal, layout_of, process_noise
 from schuler.alignment.transfer.master import state_at
 from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
 from schuler.constants import ARCMIN
-from schuler.earth import radii
+from schuler.earth import moved, radii
 from schuler.errors import InputError
 from schuler.ins import ErrorStateFilter, OutputEpoch
 from schuler.ins.frames import east_angle, to_east_north_up
@@ -68,7 +68,7 @@ class FreeRun:
         v, r = np.linalg.norm(self.velocity[-1]), np.linalg.norm(self.position[-1])
         east, north, up = self.attitude[-1] / ARCMIN
         return (
-            f"free for {self.seconds:.6g} s: {v:.3g} m/s and {r:.3g} m from the master, attitude "
+            f"free for {self.seconds:.3g} s: {v:.3g} m/s and {r:.3g} m from the master, attitude "
             f"{east:.2f}', {north:.2f}', {up:.2f}' about east, north, up"
         )
 
@@ -113,13 +113,9 @@ def free_run(
     lever, mounting = fix.lever, fix.mounting
     place = state_at(master, np.array([begin + delay]))
     arm = quat_to_matrix(state.quat_nb) @ lever
-    meridian, transverse = (float(r) for r in radii(float(place.lat[0])))
-    height = float(place.height[0])
-    nominal = Nominal(
-        float(place.lat[0]) - float(arm[1]) / (meridian + height),
-        float(place.lon[0]) - float(arm[0]) / ((transverse + height) * np.cos(place.lat[0])),
-        height - float(arm[2]), state.quat_nb, state.v_n, {},
-    )  # fmt: skip
+    there = moved(place.lat, place.lon, place.height, -arm[None])
+    lat, lon, height = (float(x[0]) for x in there)
+    nominal = Nominal(lat, lon, height, state.quat_nb, state.v_n, {})
     assert fix.spec is not None
     layout = layout_of(fix.spec, [])
     parameters = {name: state.parameters[name] for name in layout if name in state.parameters}

@@ -11,7 +11,7 @@ from schuler.alignment.moving.setup import Nominal, layout_of, prior_sigma, proc
 from schuler.alignment.transfer.master import MasterNoise, rates_of, state_at, thinned
 from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec
 from schuler.constants import DEG
-from schuler.earth import radii
+from schuler.earth import moved
 from schuler.errors import InputError
 from schuler.ins import (
     Attitude,
@@ -48,7 +48,7 @@ _WIDER = 10.0
 
 _GATE = 0.999999
 _CRITICAL = 2.146
-"""b T of a critically damped process whose correlation falls to 1/e... over T."""
+"""b T of a critically damped process whose correlation falls to 1/e over T."""
 
 _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
@@ -248,15 +248,13 @@ class Matching:
         quat = np.asarray(multiply(now.quat_nb[0], known.mounting))
         mat = quat_to_matrix(quat)
         rate = self._first_rate()
-        east, north, up = (float(x) for x in mat @ known.lever)
-        lat, lon, height = float(now.lat[0]), float(now.lon[0]), float(now.height[0])
-        meridian, transverse = (float(r) for r in radii(lat))
-        lon -= east / ((transverse + height) * np.cos(lat))
-        lat -= north / (meridian + height)
+        lat, lon, height = (
+            float(x[0]) for x in moved(now.lat, now.lon, now.height, -(mat @ known.lever)[None])
+        )
         v_n = now.v_n[0] - mat @ np.cross(rate, known.lever)
         # What is left of the delay is estimated about nothing; the prior is about what was known.
         parameters = {"transfer.delay": np.array([known.delay - delay])}
-        return Nominal(lat, lon, height - up, quat, v_n, parameters)
+        return Nominal(lat, lon, height, quat, v_n, parameters)
 
     def _first_rate(self) -> Array:
         few = slice(0, 5)
