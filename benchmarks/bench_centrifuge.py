@@ -55,7 +55,7 @@ def numpy_position(
 ) -> tuple[Any, Any]:
     """Filter one position."""
     terms, n, h, every = plant.terms, plant.unknowns, 0.005, 4
-    c = np.array(platform_matrix(*angles)).reshape(3, 3)
+    c = np.array(platform_matrix(*angles, plant.order_number)).reshape(3, 3)
     p = np.zeros((n + 3, n + 3))
     p[:n, :n] = known
     p[n:, n:] = plant.attitude_prior**2 * np.eye(3)
@@ -123,7 +123,9 @@ def run() -> list[dict[str, Any]]:
     wanted = 0.01 * published_truth()
 
     def closed() -> float:
-        scheme_values(scheme, nodes, blend, root, omega, 9, tables.prior, wanted, 0, out)
+        scheme_values(
+            scheme, plant.order_number, nodes, blend, root, omega, 9, tables.prior, wanted, 0, out
+        )
         return float(out[0])
 
     def direct() -> float:

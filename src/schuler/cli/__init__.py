@@ -93,6 +93,11 @@ def main(arguments: list[str] | None = None) -> None:
     Every foreseen error is one sentence and exit code 2; what nobody foresaw is one sentence, how
     to report it, and exit code 70.
     """
+    if "numpy" not in sys.modules:
+        # Matrices here have tens of rows: threads of the linear algebra wait for each other and
+        # take the other cores from whoever runs beside.
+        for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
+            os.environ.setdefault(name, "1")
     try:
         code = cli.main(args=arguments, prog_name="schuler", standalone_mode=False)
         # What cannot be written is found out when it is, not when the process ends.

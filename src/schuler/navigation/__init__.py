@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from schuler.navigation.aided import AidingOptions, navigate_aided
+from schuler.navigation.aided import navigate_aided
 from schuler.navigation.aided_result import AidedNavigation
+from schuler.navigation.aiding_options import AidingOptions
 from schuler.navigation.error_model import error_matrix
 from schuler.navigation.evaluate import (
     Components,
