@@ -32,6 +32,7 @@ from schuler.kernels.measurement_rows import fill_rows
 from tests.ins.tools import CONJUGATE, SITE, nominal, propagate, settings, with_error
 
 ARM = (0.4, -1.2, 0.7)
+RATES = (0.1, -0.2, 0.4, 0.5, -0.3, 0.2)
 MOUNT = tuple(rotvec_to_quat(np.array([0.1, -0.2, 0.3])))
 LAT, LON = SITE.latitude, SITE.longitude
 KINDS = {
@@ -52,6 +53,10 @@ KINDS = {
     "constant base": ConstantBase([0.0], sigma=1e-4),
     "velocity, rate now": Velocity([0.0], (1.0, 2.0, 3.0), 0.1, lever=ARM, rate_now=True,
                                    estimate=("lever", "delay")),
+    "velocity, rates given": Velocity([0.0], (1.0, 2.0, 3.0), 0.1, lever=ARM, rates=[RATES],
+                                      estimate=("lever", "delay")),
+    "attitude, rates given": Attitude([0.0], (0.0, 0.0, 0.0), 1e-4, mount=MOUNT, delay=0.02,
+                                      rates=[RATES], estimate=("mounting", "delay")),
     "attitude": Attitude([0.0], (0.0, 0.0, 0.0), 1e-4, mount=MOUNT, delay=0.02,
                          estimate=("mounting", "delay")),
     "rate": Rate([0.0], (0.02, 0.3, 0.1), 1e-4, mount=MOUNT, estimate=("mounting", "delay")),

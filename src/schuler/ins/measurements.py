@@ -106,6 +106,10 @@ class Measurement:
     rate_now : bool
         Take the angular rate at the instant, from the last two samples, for the lever arm's
         velocity, in place of the mean of the last sample.
+    rates : (m, 6) array_like, optional
+        The body's rate against n and its rate of change at the instants, body axes, rad/s and
+        rad/s^2, where they are better known than by the gyros: their noise does not then enter a
+        row of H, where it would make lever arms and delays look observable.
     """
 
     time: ArrayLike
@@ -118,6 +122,7 @@ class Measurement:
     estimate: tuple[str, ...] = ()
     shared: Mapping[str, str] = field(default_factory=dict)
     rate_now: bool = False
+    rates: ArrayLike | None = None
 
     KIND: ClassVar[int] = -1
     STATES: ClassVar[Mapping[str, int]] = {"lever": 3, "delay": 1}
@@ -136,7 +141,7 @@ class Measurement:
         if lever.shape != (3,) or not np.all(np.isfinite(lever)):
             raise InputError(f"{self.label}: a lever arm has three finite numbers")
         table = self.table(0)
-        if not np.all(np.isfinite(table)) or np.any(table[:, kernel.M_SIGMA :] < 0.0):
+        if not np.all(np.isfinite(table)) or np.any(table[:, kernel.M_SIGMA : kernel.M_RATE] < 0.0):
             raise InputError(f"{self.label}: values and sigma must be finite, sigma not negative")
 
     @property
@@ -163,6 +168,13 @@ class Measurement:
         out[:, kernel.M_AID], out[:, kernel.M_KIND] = aid, self.KIND
         out[:, kernel.M_VALUE : kernel.M_VALUE + 3] = _table(self.value, len(time), self.label)
         out[:, kernel.M_SIGMA : kernel.M_SIGMA + 3] = _table(self.sigma, len(time), self.label)
+        if self.rates is not None:
+            rates = np.asarray(self.rates, np.float64)
+            if rates.shape != (len(time), 6):
+                raise InputError(
+                    f"{self.label}: expected {len(time)} rows of six rates, got {rates.shape}"
+                )
+            out[:, kernel.M_RATE : kernel.M_RATE + 6] = rates
         return out
 
     def parameters(self, layout: Layout, sources: tuple[str, ...]) -> Array:
@@ -170,7 +182,7 @@ class Measurement:
         aid = handled(self.handling, sources)
         aid[kernel.A_LEVER : kernel.A_LEVER + 3] = self.lever
         aid[kernel.A_DELAY] = self.delay
-        aid[kernel.A_RATE_NOW] = self.rate_now
+        aid[kernel.A_RATE_NOW] = 2.0 if self.rates is not None else float(self.rate_now)
         for part, place in (
             ("lever", kernel.A_AT_LEVER), ("delay", kernel.A_AT_DELAY),
             ("scale", kernel.A_AT_SCALE), ("offset", kernel.A_AT_OFFSET),
@@ -422,7 +434,7 @@ class OutputEpoch(Measurement):
     def table(self, aid: int) -> Array:
         """Return the rows of the kernel's table of measurements, (m, M_SIZE)."""
         out = super().table(aid)
-        out[:, kernel.M_SIGMA :] = 0.0
+        out[:, kernel.M_SIGMA : kernel.M_RATE] = 0.0
         return out
 
 

@@ -104,7 +104,8 @@ M_AID = 1
 M_KIND = 2
 M_VALUE = 3  # 3
 M_SIGMA = 6  # 3; 0 where an axis is not measured
-M_SIZE = 9
+M_RATE = 9  # 3, rate of the body against n, and 3, its rate of change; where an aid has them
+M_SIZE = 15
 
 # What belongs to one aid, `aids[k]`.
 A_LEVER = 0  # 3, from the IMU to the point that is measured, body axes
@@ -127,7 +128,7 @@ A_GUARD_COUNT = 25
 A_GUARD_TIME = 26
 A_SOURCE = 27  # part of the budget that its noise belongs to
 A_GATE = 28  # MOST_ROWS numbers: largest squared innovation by degrees of freedom
-A_RATE_NOW = 34  # 1: the rate at the instant, not the mean of the last sample
+A_RATE_NOW = 34  # 1: the rate at the instant, not the mean of the last sample; 2: that of the row
 A_SIZE = 35
 
 PLAIN, HUBER, IGG3 = 0, 1, 2

@@ -75,6 +75,17 @@ def right_jacobian_row(row, turn):
     return axpy(second, cross(once, turn), axpy(-first, once, row))
 
 
+@helper
+def rate_of_change(row, state, of_row):
+    """Return the rate by which a delay is multiplied, and its rate of change, body axes."""
+    if of_row:
+        return three(row, layout.M_RATE), three(row, layout.M_RATE + 3)
+    mean = three(state, layout.MEAN_RATE)
+    # Of an average that follows with a time constant, the rate of change.
+    change = axpy(-1.0, mean, three(state, layout.RATE_B))
+    return mean, axpy(1.0 / layout.ACCELERATION_TIME, change, (0.0, 0.0, 0.0))
+
+
 @kernel
 def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
     """Fill the rows of one measurement; return how many there are.
@@ -118,6 +129,9 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
     if fixed:
         # At a fixed place the Earth's share is nothing beside a lever of metres.
         w = three(state, layout.RATE_B)
+    of_row = aid[layout.A_RATE_NOW] == 2.0
+    if of_row:
+        w = three(row, layout.M_RATE)
     arm = cross(w, lever)
     rotated = qrotate(q, arm)
     v_l = add(v, rotated)
@@ -137,10 +151,7 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
         else:
             acceleration = three(state, layout.MEAN_ACCELERATION)
             if aid[layout.A_RATE_NOW] != 0.0:
-                mean = three(state, layout.MEAN_RATE)
-                # Of an average that follows with a time constant, the rate of change.
-                change = axpy(-1.0, mean, three(state, layout.RATE_B))
-                faster = axpy(1.0 / layout.ACCELERATION_TIME, change, (0.0, 0.0, 0.0))
+                mean, faster = rate_of_change(row, state, of_row)
                 swing = add(cross(faster, lever), cross(mean, cross(mean, lever)))
                 acceleration = add(acceleration, qrotate(q, swing))
             value = axpy(-tau, acceleration, v_l)
@@ -174,9 +185,9 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
                 h[i, n] = of_phi[n]
                 h[i, first + n] = axis[n]
                 if kind == layout.VELOCITY_FIX:
-                    if at[layout.GYRO_BIAS] >= 0:
+                    if at[layout.GYRO_BIAS] >= 0 and not of_row:
                         h[i, at[layout.GYRO_BIAS] + n] = of_gyro[n]
-                    if at[layout.GYRO_MARKOV] >= 0:
+                    if at[layout.GYRO_MARKOV] >= 0 and not of_row:
                         h[i, at[layout.GYRO_MARKOV] + n] = of_gyro[n]
                 elif tau != 0.0:
                     h[i, 3 + n] = -tau * axis[n]
@@ -269,7 +280,7 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
             turn = three(est, at_mount)
         mount = qmul(four(aid, layout.A_MOUNT), qexp(turn))
         measured = three(row, layout.M_VALUE)
-        mean = three(state, layout.MEAN_RATE)
+        mean, faster = rate_of_change(row, state, of_row)
         if kind == layout.ATTITUDE_FIX:
             # The master's attitude is East-North-Up; here it is turned into the wander frame.
             ce, se = 1.0, 0.0
@@ -278,16 +289,19 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
             to_frame = qexp((0.0, 0.0, math.atan2(se, ce)))
             other = qmul(qmul(to_frame, qexp(measured)), mount)
             none = (0.0, 0.0, 0.0)
-            slow = axpy(-1.0, qrotate(qconj(q), earth), mean)
+            slow = w if of_row else axpy(-1.0, qrotate(qconj(q), earth), mean)
             valid = qmul(q, qexp(axpy(-tau, slow, none)))
             c = quat_to_matrix(valid)
             # The logarithm of the inverse: phi is that of an estimate I - [phi x].
             value = qlog(qmul(other, qconj(valid)))
             change = axpy(-1.0, qrotate(q, slow), none)
         else:
-            change = axpy(-1.0, mean, three(state, layout.RATE_B))
-            change = axpy(1.0 / layout.ACCELERATION_TIME, change, (0.0, 0.0, 0.0))
-            value = axpy(-1.0, qrotate(qconj(mount), measured), axpy(-tau, change, rate_b))
+            change = faster
+            rotated_rate = qrotate(qconj(mount), measured)
+            value = axpy(-1.0, rotated_rate, axpy(-tau, faster, rate_b))
+            # The noise of one sample has no place in a row of H.
+            if of_row:
+                rate_b = rotated_rate
         for i in range(3):
             z[i] = value[i]
             unit = (1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0)
@@ -300,9 +314,9 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
             if kind == layout.ATTITUDE_FIX:
                 h[i, i] = 1.0
                 for n in range(3):
-                    if at[layout.GYRO_BIAS] >= 0:
+                    if at[layout.GYRO_BIAS] >= 0 and not of_row:
                         h[i, at[layout.GYRO_BIAS] + n] = tau * c[i][n]
-                    if at[layout.GYRO_MARKOV] >= 0:
+                    if at[layout.GYRO_MARKOV] >= 0 and not of_row:
                         h[i, at[layout.GYRO_MARKOV] + n] = tau * c[i][n]
             else:
                 if first >= 0:

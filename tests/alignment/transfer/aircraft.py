@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,6 +11,8 @@ from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to
 from schuler.constants import DEG
 from schuler.earth import Site, radii
 from schuler.motion import Lines, Manoeuvre, Route, Sum, Sway
+from schuler.sensors import draw
+from schuler.sensors.noise import Instrument
 from schuler.simulation import simulate
 from schuler.trajectory import Trajectory
 from tests.alignment.moving.routes import noisy
@@ -93,6 +96,14 @@ def master_of(made, mounting, *, rng=None, flexure=0.0, every=10, lever=LEVER, d
 def mounted(rng):
     """Return a mounting of 1 deg about each axis, 1 sigma."""
     return rotvec_to_quat(1.0 * DEG * rng.standard_normal(3))
+
+
+def with_errors(made, spec, rng):
+    """Return the record of a simulation as an instrument would have it."""
+    gyro, accelerometer = draw(spec.gyro, rng), draw(spec.accelerometer, rng)
+    dtheta, dvel = made.record.dtheta.copy(), made.record.dvel.copy()
+    Instrument(spec, gyro, accelerometer, made.step, rng).corrupt(dtheta, dvel)
+    return replace(made.record, dtheta=dtheta, dvel=dvel)
 
 
 def case(path, seed, *, flexure=0.0, length=None, **options):

@@ -12,6 +12,8 @@ import schuler as sc
 from schuler.alignment.transfer import Flexure, MasterNoise, TransferAlignment
 from schuler.attitude import multiply, quat_to_rotvec, rotvec_to_quat
 from schuler.errors import InputError
+from schuler.sensors import CONSUMER_MEMS, GRADES
+from tests.alignment.moving.routes import car, truth_of
 from tests.alignment.transfer.aircraft import (
     ATTITUDE,
     DELAY,
@@ -21,6 +23,7 @@ from tests.alignment.transfer.aircraft import (
     clean,
     errors,
     master_of,
+    with_errors,
 )
 from tests.conftest import ROOT, chi_square_band
 
@@ -91,6 +94,34 @@ def test_flexure_as_states_is_consistent_where_plain_noise_is_too_sure():
     low, high = chi_square_band(3 * RUNS, 0.002)
     assert low < np.sum(squares[True]) < high
     assert np.sum(squares[False]) > high
+
+
+@pytest.mark.parametrize("spec", [GRADES["industrial-mems"], CONSUMER_MEMS], ids=lambda s: s.name)
+def test_noisy_gyros_make_neither_lever_nor_delay_look_observable(spec):
+    """A car, MEMS beside a precise master: rates are the master's, and flicker is a walk."""
+    made = truth_of(car(), 60.0)
+    lever, squares, mounts = np.array([0.5, 1.0, 0.2]), [], []
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        mounting = rotvec_to_quat(0.05 * rng.standard_normal(3))
+        record = with_errors(made, spec, rng)
+        master = master_of(made, mounting, rng=rng, lever=lever, delay=0.03)
+        fix = sc.transfer(record, master, spec=spec, noise=NOISE)
+        assert fix.consistent, fix.contradictions
+        phi, wrong, _, _ = errors(fix, made, mounting)
+        squares.append(phi @ np.linalg.solve(fix.covariance, phi))
+        mounts.append(wrong @ np.linalg.solve(fix.mounting_covariance, wrong))
+        assert np.all(np.abs(fix.lever - lever) < 4.0 * fix.lever_sigma)
+        assert abs(fix.delay[0] - 0.03) < 4.0 * fix.delay[1]
+    most = chi_square_band(9, 0.002)[1]
+    assert np.sum(squares) < most
+    assert np.sum(mounts) < most
+    # Velocities alone would not tell the delay of such a unit, and it is said.
+    fix = sc.transfer(
+        record, master, spec=CONSUMER_MEMS, noise=NOISE, match="velocity", lever=lever
+    )
+    assert fix.delay == (0.0, 0.1)
+    assert "delay" in fix.not_observable
 
 
 def test_without_noise_the_mounting_is_found_whatever_its_size_and_the_lever_and_delay_too():

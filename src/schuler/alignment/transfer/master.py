@@ -12,7 +12,15 @@ from schuler.earth import earth_rate, gravity, transport_rate
 from schuler.errors import InputError
 from schuler.trajectory import Trajectory
 
-__all__ = ["MasterNoise", "MasterState", "forces_of", "rates_of", "state_at", "thinned"]
+__all__ = [
+    "MasterNoise",
+    "MasterRates",
+    "MasterState",
+    "forces_of",
+    "rates_of",
+    "state_at",
+    "thinned",
+]
 
 Array = NDArray[np.float64]
 
@@ -20,6 +28,9 @@ _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
 _EVEN = 0.01
 """Part of an interval by which steps of the master may differ for its rate to be taken there."""
+
+_STEP = 0.1
+"""Rows of the master are so far apart at least where its rate is taken, s."""
 
 
 @dataclass(frozen=True)
@@ -87,33 +98,54 @@ def state_at(master: Trajectory, time: Array) -> MasterState:
     return MasterState(lat, (lon + np.pi) % (2.0 * np.pi) - np.pi, height, v_n, between)
 
 
-def rates_of(master: Trajectory) -> tuple[NDArray[np.int64], Array, Array]:
-    """Return rows, the rate there against inertial space (n, 3), and their steps (n,), s.
+@dataclass(frozen=True, eq=False)
+class MasterRates:
+    """Rates of a master at some of its rows, its own body axes.
 
-    The rate is in the master's body axes, by a central difference of fourth order of its attitude:
-    rows without two even steps on each side have none. With a sigma s of the attitude that of the
-    rate is 0.95 s over the step.
+    Parameters
+    ----------
+    rows : (n,) int64
+    against_n, inertial, change : (n, 3) float64
+        Against n, against inertial space, and the rate of change of the former; rad/s, rad/s^2.
+    step : float
+        Between rows that were compared, s: with a sigma s of the attitude that of a rate is 0.95 s
+        over the step.
+    """
+
+    rows: NDArray[np.int64]
+    against_n: Array
+    inertial: Array
+    change: Array
+    step: float
+
+
+def rates_of(master: Trajectory) -> MasterRates:
+    """Return rates by central differences of the attitude, of fourth order.
+
+    Rows without two even steps on each side have none. Steps are a tenth of a second at least.
     """
     t, quat = master.time, master.known("quat_nb")
-    k = np.arange(2, len(t) - 2)
-    step = (t[k + 2] - t[k - 2]) / 4.0
+    m = max(1, round(_STEP / float(np.median(np.diff(t)))))
+    k = np.arange(2 * m, len(t) - 2 * m)
+    step = (t[k + 2 * m] - t[k - 2 * m]) / 4.0
     even = np.ones(len(k), bool)
     for j in (-2, -1, 1, 2):
-        even &= np.abs(t[k + j] - t[k] - j * step) < _EVEN * step
-    k, step = k[even], step[even]
+        even &= np.abs(t[k + j * m] - t[k] - j * step) < _EVEN * step
+    k, step = k[even], step[even][:, None]
     back = quat[k] * _CONJUGATE
 
     def turned(j: int) -> Array:
-        return quat_to_rotvec(multiply(back, quat[k + j]))
+        return quat_to_rotvec(multiply(back, quat[k + j * m]))
 
-    slope = 8.0 * (turned(1) - turned(-1)) - (turned(2) - turned(-2))
-    rate = slope / (12.0 * step)[:, None]
+    one, other = turned(1), turned(-1)
+    rate = (8.0 * (one - other) - (turned(2) - turned(-2))) / (12.0 * step)
     v = master.known("v_n")[k]
     frame = earth_rate(master.lat[k]) + transport_rate(
         master.lat[k], master.height[k], v[:, 0], v[:, 1]
     )
-    mat = quat_to_matrix(quat[k])
-    return k, rate + np.einsum("iab,ia->ib", mat, frame), step
+    inertial = rate + np.einsum("iab,ia->ib", quat_to_matrix(quat[k]), frame)
+    typical = float(np.median(step)) if len(k) else _STEP
+    return MasterRates(k, rate, inertial, (one + other) / step**2, typical)
 
 
 def forces_of(master: Trajectory) -> tuple[Array, Array]:

@@ -15,7 +15,10 @@ from numpy.typing import NDArray
 
 from schuler.alignment.moving.align import mean_square
 from schuler.alignment.moving.fine import FineAlignment, iterate
+from schuler.alignment.moving.setup import Nominal
+from schuler.alignment.transfer.master import state_at
 from schuler.alignment.transfer.setup import Matching
+from schuler.attitude import multiply, quat_to_rotvec
 from schuler.ins import Layout, Measurement
 
 __all__ = ["Found", "budget_and_bound", "passes"]
@@ -30,6 +33,11 @@ AGREES = 1.3
 
 _DELAY_LEFT, _DELAY_PASSES = 2e-4, 5
 """A delay (s) that is found beyond the first is taken off the times, so many times at most."""
+
+_TURN_LEFT = 2e-3
+"""The master's rates are turned anew where the mounting has changed by so much, rad."""
+
+_CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,11 +79,11 @@ def passes(matching: Matching, vibration: float | None) -> Found:
 
 def _delayed(matching: Matching, walk: float) -> Found:
     """Return the passes once the master's delay is off its times."""
-    delay, nominal = matching.known.delay, None
+    delay, nominal, mounting = matching.known.delay, None, matching.known.mounting
     again = _DELAY_PASSES
     while True:
         # The last passes judge each row; those before are too far off for that.
-        measured = matching.measured(delay, gate=again == 0)
+        measured = matching.measured(delay, mounting, gate=again == 0)
         layout = matching.layout(measured)
         start = matching.start(delay)
         build = partial(matching.build, layout, start, measured, walk)
@@ -88,7 +96,9 @@ def _delayed(matching: Matching, walk: float) -> Found:
         rest = _rest(fine)
         again -= 1
         nominal = fine.start.nominal
-        if abs(rest) < _DELAY_LEFT:
+        before, mounting = mounting, _mounting_at_start(matching, nominal, delay)
+        turned = np.linalg.norm(quat_to_rotvec(multiply(before * _CONJUGATE, mounting)))
+        if abs(rest) < _DELAY_LEFT and (not matching.by_master or turned < _TURN_LEFT):
             again = 0
             continue
         delay += rest
@@ -98,6 +108,12 @@ def _delayed(matching: Matching, walk: float) -> Found:
         fine, layout, matching.prior(layout, start), tuple(measured), delay,
         mean_square(fine, measured), walk,
     )  # fmt: skip
+
+
+def _mounting_at_start(matching: Matching, nominal: Nominal, delay: float) -> Array:
+    """Return the mounting (4,) that the slave's attitude at the start has on the master's."""
+    master = state_at(matching.master, np.array([matching.record.start + delay]))
+    return np.asarray(multiply(master.quat_nb[0] * _CONJUGATE, nominal.quat_nb))
 
 
 def _rest(fine: FineAlignment) -> float:

@@ -22,6 +22,7 @@ from schuler.alignment.transfer.passes import Found, budget_and_bound, passes
 from schuler.alignment.transfer.result import ByMaster, TransferAlignment, state_names
 from schuler.alignment.transfer.setup import (
     DELAY_SIGMA,
+    LEAST_ROWS,
     LEVER_SIGMA,
     MOUNTING_SIGMA,
     Flexure,
@@ -59,7 +60,6 @@ _NOTHING_KNOWN = {
     "transfer.delay": DELAY_SIGMA,
 }  # fmt: skip
 
-_LEAST_ROWS = 5
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
@@ -198,11 +198,11 @@ def _common(record: ImuRecord, master: Trajectory, delay: float) -> ImuRecord:
         raise no_overlap(
             master.name, "unstated", (float(due[0]), float(due[-1])), (record.start, record.end)
         )
-    if inside.sum() < _LEAST_ROWS:
+    if inside.sum() < LEAST_ROWS:
         raise InputError(
             f"{master.name}: {int(inside.sum())} rows of the master lie between t = "
             f"{record.start:.9g} and {record.end:.9g} s, and a transfer alignment needs "
-            f"{_LEAST_ROWS}: take a longer span"
+            f"{LEAST_ROWS}: take a longer span"
         )
     first = int(np.searchsorted(record.time, float(due[inside][0]) + 1e-9))
     last = int(np.searchsorted(record.time, float(due[-1]) - 1e-9)) + 1
@@ -263,9 +263,11 @@ def _result(
     if "transfer.lever" in layout:
         lever = known.lever + state.parameters["transfer.lever"]
         lever_sigma = sigma[layout["transfer.lever"]]
-    late = (
-        float(sigma[layout["transfer.delay"]][0]) if "transfer.delay" in layout else 0.0
-    )  # fmt: skip
+    late = known.delay_sigma
+    if "transfer.delay" in layout:
+        late = float(sigma[layout["transfer.delay"]][0])
+    elif late:
+        remaining["delay"], unseen = 1.0, (*unseen, "delay")
     delay = (found.delay + float(state.parameters.get("transfer.delay", np.zeros(1))[0]), late)
     mounting, spread = _mounting(matching, state, layout, delay[0])
     summariser = Summariser()

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.moving.setup import Nominal, layout_of, prior_sigma, process_noise
-from schuler.alignment.transfer.master import MasterNoise, rates_of, state_at, thinned
+from schuler.alignment.transfer.master import (
+    MasterNoise,
+    MasterRates,
+    rates_of,
+    state_at,
+    thinned,
+)
 from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec
 from schuler.constants import DEG
 from schuler.earth import moved
@@ -45,6 +52,9 @@ _DIFFUSE_VELOCITY, _DIFFUSE_POSITION = 5.0, 20.0
 
 _WIDER = 10.0
 """The start's attitude is so much less sure than a row of the master: that row is used again."""
+
+LEAST_ROWS = 5
+"""Rows of a master that an alignment needs."""
 
 _GATE = 0.999999
 _CRITICAL = 2.146
@@ -174,59 +184,91 @@ class Matching:
             out.append("mounting")
         if known.lever_sigma > 0.0 and ("velocity" in self.parts or "position" in self.parts):
             out.append("lever")
-        if known.delay_sigma > 0.0:
+        if known.delay_sigma > 0.0 and not (self.by_master and self.parts == ("velocity",)):
             out.append("delay")
         return tuple(out)
 
-    def measured(self, delay: float, *, gate: bool = True) -> list[Measurement]:
+    @cached_property
+    def master_rates(self) -> MasterRates:
+        """The master's rates."""
+        return rates_of(self.master)
+
+    @cached_property
+    def by_master(self) -> bool:
+        """Whether the master tells the rate of the body better than a sample of the gyros."""
+        return self.rate_sigma < self._sample_sigma and len(self.master_rates.rows) >= LEAST_ROWS
+
+    @property
+    def rate_sigma(self) -> float:
+        """1-sigma of a rate of the master, rad/s."""
+        return 0.95 * self.noise.attitude / self.master_rates.step
+
+    @property
+    def _sample_sigma(self) -> float:
+        """1-sigma of a rate from two samples of the gyros, rad/s."""
+        return 1.6 * self.spec.gyro.white / float(np.sqrt(np.median(self.record.dt)))
+
+    def measured(
+        self, delay: float, mounting: Array, *, gate: bool = True
+    ) -> list[Measurement]:  # fmt: skip
         """Return the master's rows within the record, once a delay (s) is taken off their times.
 
-        Without a gate all of them count: for passes whose start is still wrong by degrees.
+        The mounting (4,) turns the master's rates. Without a gate all rows count: for passes whose
+        start is still wrong by degrees.
         """
         due = self.master.time - delay
         record = self.record
         inside = np.flatnonzero((due >= record.start - 1e-9) & (due <= record.end + 1e-9))
+        found = self.master_rates
+        if self.by_master:
+            inside = inside[np.isin(inside, found.rows)]
         k = inside[thinned(due[inside], self.rate)]
+        rates = np.zeros((len(due), 6))
+        turn = quat_to_matrix(mounting)
+        rates[found.rows] = np.hstack([found.against_n @ turn, found.change @ turn])
         handling = Handling(gate=_GATE if gate else None, source="aiding")
         shared = dict.fromkeys(("mounting", "lever", "delay"), "transfer")
         estimate = self.estimated
 
-        def of(kind: type[Measurement], time: Array, value: Array, sigma: float, what: str,
-               **more: object) -> Measurement:  # fmt: skip
+        def of(
+            kind: type[Measurement], rows: NDArray[np.int64], value: Array, sigma: float,
+            what: str, **more: object,
+        ) -> Measurement:  # fmt: skip
             own = tuple(part for part in estimate if part in kind.STATES)
+            if kind is Velocity and self.by_master:
+                # Where the gyros are noisy the accelerometers are: their noise, times a delay,
+                # would make that look observable, and bias it.
+                own = tuple(part for part in own if part != "delay")
             return kind(
-                time, value, sigma, name=f"master_{what}", handling=handling, shared=shared,
-                estimate=own, rate_now=True, **more,  # type: ignore[arg-type]
+                due[rows], value, sigma, name=f"master_{what}", handling=handling, shared=shared,
+                estimate=own, rate_now=True, rates=rates[rows] if self.by_master else None,
+                **more,  # type: ignore[arg-type]
             )  # fmt: skip
 
         master, noise = self.master, self.noise
         out = []
         if "velocity" in self.parts:
             v = master.known("v_n")[k]
-            out.append(of(Velocity, due[k], v, noise.velocity, "velocity", lever=self.known.lever))
+            out.append(of(Velocity, k, v, noise.velocity, "velocity", lever=self.known.lever))
         if "position" in self.parts:
             place = master.position[k]
             lever = self.known.lever
-            out.append(of(Position, due[k], place, noise.position, "position", lever=lever))
+            out.append(of(Position, k, place, noise.position, "position", lever=lever))
         if "attitude" in self.parts:
             sigma = noise.attitude
             if self.flexure is not None and not self.flexure.states:
                 sigma = float(np.hypot(sigma, self.flexure.sigma))
             turn = quat_to_rotvec(master.known("quat_nb")[k])
             out.append(
-                of(Attitude, due[k], turn, sigma, "attitude", mount=self.known.mounting)
+                of(Attitude, k, turn, sigma, "attitude", mount=self.known.mounting)
             )  # fmt: skip
         if "rate" in self.parts:
-            rows, rate, step = rates_of(master)
-            pick = np.isin(rows, k)
-            at, each = rows[pick], rate[pick]
-            if len(at):
-                spread = 0.95 * noise.attitude / float(np.median(step[pick]))
-                # The mean of one sample carries the gyro's own white noise.
-                own = self.spec.gyro.white / float(np.sqrt(np.median(record.dt)))
+            at = np.isin(found.rows, k)
+            sigma = float(np.hypot(self.rate_sigma, self._sample_sigma))
+            mount = self.known.mounting
+            if np.any(at):
                 out.append(
-                    of(Rate, due[at], each, float(np.hypot(spread, 1.6 * own)), "rate",
-                       mount=self.known.mounting)
+                    of(Rate, found.rows[at], found.inertial[at], sigma, "rate", mount=mount)
                 )  # fmt: skip
         return out
 
@@ -305,7 +347,17 @@ class Matching:
         nominal: Nominal, error: Array, divided: bool,
     ) -> ErrorStateFilter:  # fmt: skip
         """Return a filter that starts at a nominal, whose prior's mean is at another."""
-        more = {}
+        # Flicker noise has the spectrum of a walk at one cycle a span: B^2 / (2 pi f) is there
+        # q / (2 pi f)^2. A precise master shows it, where fixes would hide it.
+        cycle = 2.0 * np.pi / (self.record.end - self.record.start)
+        more = {
+            f"{sensor}_bias": GroupNoise(
+                part.drift**2 + cycle * part.bias_instability**2, source=f"{sensor}_bias"
+            )
+            for sensor, part in (
+                ("gyro", self.spec.gyro), ("accelerometer", self.spec.accelerometer),
+            )
+        }  # fmt: skip
         if "flexure" in layout and self.flexure is not None:
             more["flexure"] = GroupNoise(
                 0.0, self.flexure.sigma, self.flexure.time / _CRITICAL, "aiding"
