@@ -96,6 +96,30 @@ def test_flexure_as_states_is_consistent_where_plain_noise_is_too_sure():
     assert np.sum(squares[False]) > high
 
 
+def test_a_master_noisier_than_it_is_taken_for_is_found_out():
+    squares = []
+    for seed in range(4):
+        record, master, made, mounting = case("turn", seed)
+        rng = np.random.default_rng(100 + seed)
+        count = len(master)
+        noisier = replace(
+            master, v_n=master.v_n + 0.2 * rng.standard_normal((count, 3)),
+            quat_nb=np.asarray(
+                multiply(rotvec_to_quat(2e-3 * rng.standard_normal((count, 3))), master.quat_nb)
+            ),
+        )  # fmt: skip
+        fix = sc.transfer(record, noisier, spec="tactical-fog")
+        assert fix.consistent
+        assert fix.mean_square == pytest.approx(1.0, abs=0.3)
+        assert any("noise was taken for" in text for text in fix.warnings), fix.warnings
+        phi = errors(fix, made, mounting)[0]
+        squares.append(phi @ np.linalg.solve(fix.covariance, phi))
+    assert np.sum(squares) < chi_square_band(12, 0.002)[1]
+    # What is said of it is kept, and contradicts.
+    told = sc.transfer(record, noisier, spec="tactical-fog", noise=NOISE)
+    assert not told.consistent
+
+
 @pytest.mark.parametrize("spec", [GRADES["industrial-mems"], CONSUMER_MEMS], ids=lambda s: s.name)
 def test_noisy_gyros_make_neither_lever_nor_delay_look_observable(spec):
     """A car, MEMS beside a precise master: rates are the master's, and flicker is a walk."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from schuler.alignment.moving.align import mean_square
 from schuler.alignment.moving.fine import FineAlignment, iterate
 from schuler.alignment.moving.setup import Nominal
-from schuler.alignment.transfer.master import state_at
+from schuler.alignment.transfer.master import MasterNoise, state_at
 from schuler.alignment.transfer.setup import Matching
 from schuler.attitude import multiply, quat_to_rotvec
 from schuler.ins import Layout, Measurement
@@ -33,6 +33,9 @@ AGREES = 1.3
 
 _DELAY_LEFT, _DELAY_PASSES = 2e-4, 5
 """A delay (s) that is found beyond the first is taken off the times, so many times at most."""
+
+_WIDENED = 4
+"""Times that the master's noise is made wider."""
 
 _TURN_LEFT = 2e-3
 """The master's rates are turned anew where the mounting has changed by so much, rad."""
@@ -68,13 +71,41 @@ class Found:
     vibration: float
 
 
-def passes(matching: Matching, vibration: float | None) -> Found:
-    """Return the passes with the noise that their innovations agree with."""
-    for walk in _VIBRATION if vibration is None else (vibration,):
-        found = _delayed(matching, walk)
+def passes(matching: Matching, vibration: float | None, *, learn: bool) -> tuple[Matching, Found]:
+    """Return the passes with the noise that their innovations agree with, and what was matched.
+
+    Parameters
+    ----------
+    matching : Matching
+    vibration : float or None
+        Velocity random walk, m/s/sqrt(s); None for the least one that agrees.
+    learn : bool
+        Widen the master's noise to what its innovations show, before any vibration is taken.
+    """
+    walks = _VIBRATION if vibration is None else (vibration,)
+    found = _delayed(matching, walks[0])
+    for _ in range(_WIDENED if learn else 0):
+        wider = _widened(matching, found)
+        if wider is matching.noise:
+            break
+        matching = replace(matching, noise=wider)
+        found = _delayed(matching, walks[0])
+    for walk in walks[1:]:
         if found.square < AGREES:
             break
-    return found
+        found = _delayed(matching, walk)
+    return matching, found
+
+
+def _widened(matching: Matching, found: Found) -> MasterNoise:
+    """Return the master's noise, wider where its innovations are larger than their sigma."""
+    noise = matching.noise
+    for aid in found.measured:
+        what = aid.label.removeprefix("master_")
+        square = mean_square(found.fine, [aid])
+        if what != "rate" and square >= AGREES:
+            noise = replace(noise, **{what: getattr(noise, what) * float(np.sqrt(square))})
+    return noise
 
 
 def _delayed(matching: Matching, walk: float) -> Found:

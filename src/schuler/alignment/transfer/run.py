@@ -105,7 +105,7 @@ def transfer(
     delay : float, optional
         A row of the master stamped t is valid at t - delay, s; found when not given.
     noise : MasterNoise, optional
-        Of the master's rows.
+        Of the master's rows; when not given, that of a good one, or what the innovations show.
     flexure : Flexure, optional
         Of the structure between both.
     rate : float
@@ -149,18 +149,26 @@ def transfer(
     known = _known(mounting, mounting_sigma, lever, delay)
     part = _common(cut_span(record, span), master, known.delay)
     if mounting is None:
-        found = coarse_mounting(part, master, known.delay, known.mounting)
-        turned = float(np.linalg.norm(quat_to_rotvec(found)))
+        felt = coarse_mounting(part, master, known.delay, known.mounting)
+        turned = float(np.linalg.norm(quat_to_rotvec(felt)))
         if turned > _TURNED:
             warnings.append(
                 f"the slave is turned by about {turned / DEG:.0f} deg against the master, as the "
                 "forces and rates of both show"
             )
-            known = replace(known, mounting=found)
+            known = replace(known, mounting=felt)
     matching = Matching(
         part, master, parts, known, instrument, noise or MasterNoise(), flexure, rate
     )
-    fix = _result(matching, passes(matching, vibration), warnings, at)
+    learnt, found = passes(matching, vibration, learn=noise is None)
+    if learnt.noise is not matching.noise:
+        taken = learnt.noise
+        warnings.append(
+            f"the master's noise was taken for {1e3 * taken.attitude:.2g} mrad, "
+            f"{taken.velocity:.2g} m/s and {taken.position:.2g} m, as its innovations show "
+            "(say --master-sigma)"
+        )
+    fix = _result(learnt, found, warnings, at)
     if then_free is not None:
         fix = replace(fix, free=free_run(fix, record, master, then_free))
     return fix
