@@ -19,7 +19,9 @@ from schuler.alignment.methods import (
     KalmanAlignment,
     parse_method,
 )
+from schuler.alignment.moving.manoeuvres import VEHICLES, DrivePlan, plan_drive
 from schuler.alignment.moving.path_bound import PathLimit, limit_on, planned_fixes, record_on
+from schuler.alignment.moving.planned import PathTable, PlannedAid, path_table
 from schuler.alignment.moving.result import MovingAlignment
 from schuler.alignment.next_position import Fixture, Suggestion, suggest_position
 from schuler.alignment.result import Alignment
@@ -37,12 +39,14 @@ from schuler.alignment.windows import Windows, align_windows
 
 __all__ = [
     "METHODS",
+    "VEHICLES",
     "Aligner",
     "Alignment",
     "Analytic",
     "Auto",
     "Comparison",
     "Convergence",
+    "DrivePlan",
     "Estimate",
     "FilterHistory",
     "Fixture",
@@ -57,6 +61,8 @@ __all__ = [
     "Method",
     "MovingAlignment",
     "PathLimit",
+    "PathTable",
+    "PlannedAid",
     "Position",
     "Problem",
     "Residual",
@@ -76,6 +82,8 @@ __all__ = [
     "limit_table",
     "load_positions",
     "parse_method",
+    "path_table",
+    "plan_drive",
     "planned_fixes",
     "position_limit",
     "record_on",

@@ -34,7 +34,7 @@ _MAP = {
     "Know the instrument": {
         "allan": "Tell an instrument's noise from a static record.",
         "calibrate": "Find an instrument's coefficients from a test.",
-        "plan": "Find the test that shows an instrument's coefficients best.",
+        "plan": "Find the best test of an instrument, or manoeuvre for a heading.",
         "array": "Say what an array of redundant gyros is worth.",
     },
     "Navigate": {

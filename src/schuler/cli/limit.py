@@ -15,7 +15,8 @@ from schuler.cli.common import (
     site_or_none,
 )
 from schuler.cli.completion import specs
-from schuler.cli.parameters import InputFile, Number, Seconds
+from schuler.cli.limit_path import limit_on_path, times_of
+from schuler.cli.parameters import InputFile, Number
 from schuler.errors import InputError
 
 __all__ = ["command"]
@@ -45,6 +46,19 @@ __all__ = ["command"]
     'roll_deg, dwell = "300 s". One position without it.',
 )
 @click.option(
+    "--path",
+    type=InputFile(),
+    metavar="TOML|FILE",
+    help="In motion: a scenario file, or a trajectory with velocity and attitude.",
+)
+@click.option(
+    "--aid",
+    "aids",
+    multiple=True,
+    metavar="KIND=SIGMA@RATE",
+    help="With --path, what is measured: gnss=0.1m/s,3m@1Hz, odometer=0.1m/s@10Hz, dvl=...",
+)
+@click.option(
     "--rate",
     type=Number(above=0.0, high=1e6, unit="Hz"),
     default=100.0,
@@ -67,13 +81,19 @@ __all__ = ["command"]
 @json_option("Write the rows as JSON (- : here).")
 @report_option("Draw sigma against time.")
 def command(**options: Any) -> None:
-    """Print the Cramér-Rao limit of a static alignment, for any sequence of positions.
+    """Print the Cramér-Rao limit of an alignment: in positions at rest, or on a path.
 
     \b
       schuler limit --spec navigation-fog --lat 40 --time 60s,300s,600s
       schuler limit --spec mine.toml --lat 40 --positions two.toml --json -
       schuler limit --spec navigation-fog --lat 40 --time 300s --next-yaw 0:360
+      schuler limit --spec tactical-fog --path route.toml --aid gnss=0.1m/s,3m@1Hz --time 60s,120s
     """  # noqa: D301
+    if options["path"] is not None:
+        limit_on_path(options)
+        return
+    if options["aids"]:
+        raise InputError("--aid is of the limit on a path: say --path")
     from dataclasses import replace
 
     from schuler.alignment import Fixture, Position, load_positions, suggest_position
@@ -89,8 +109,7 @@ def command(**options: Any) -> None:
     positions = load_positions(options["positions"]) if options["positions"] else [Position()]
     total = sum(p.dwell for p in positions)
     if options["times"]:
-        convert = Seconds().convert
-        times = [convert(text.strip(), None, None) for text in options["times"].split(",")]
+        times = times_of(options["times"])
     elif options["positions"]:
         times = [total]
     else:

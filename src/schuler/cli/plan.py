@@ -1,4 +1,4 @@
-"""The command ``schuler plan``, which finds the test that tells most."""
+"""The command ``schuler plan``, which finds the test, or the manoeuvre, that tells most."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import click
 
 from schuler.cli.command import Group, echo, wants_text
 from schuler.cli.common import emit_json, json_option, report_option
+from schuler.cli.completion import specs
 from schuler.cli.parameters import Count, InputFile, Number, Seconds
 from schuler.errors import InputError
 
@@ -19,7 +20,7 @@ __all__ = ["command"]
 
 @click.group("plan", cls=Group)
 def command() -> None:
-    """Find the test that shows an instrument's coefficients best."""
+    """Find the best test of an instrument, or the best manoeuvre for a heading."""
 
 
 @command.command("centrifuge")
@@ -201,6 +202,57 @@ def centrifuge(**options: Any) -> None:
     echo()
     echo(f"{len(found[best].positions)} positions; {found[best].scorecard.headline}")
     echo(found[best].scorecard)
+
+
+@command.command("drive")
+@click.option(
+    "--spec",
+    type=InputFile(),
+    required=True,
+    metavar="GRADE|TOML",
+    shell_complete=specs,
+    help="The instrument: navigation-rlg, navigation-fog, tactical-fog, industrial-mems or a file.",
+)
+@click.option(
+    "--aid",
+    "aids",
+    multiple=True,
+    default=["gnss=0.1m/s,3m@1Hz"],
+    show_default=True,
+    metavar="KIND=SIGMA@RATE",
+    help="What is measured: gnss=..., odometer=0.1m/s@10Hz, dvl=0.02m/s@1Hz.",
+)
+@click.option("--vehicle", type=click.Choice(["car", "ship", "aircraft"]), default="car",
+              show_default=True, help="What it can do: turn, brake, rock.")  # fmt: skip
+@click.option("--speed", type=Number(0.1, 3600.0, unit="m/s"), default=12.0, show_default=True,
+              metavar="M/S", help="At the start of the manoeuvre.")  # fmt: skip
+@click.option("--time", type=Seconds(2.0, 3600.0), default="20s", show_default=True,
+              help="Of the manoeuvre.")  # fmt: skip
+@click.option("--before", type=Seconds(2.0, 3600.0), default="30s", show_default=True,
+              help="Steady and straight before it, which the alignment has as well.")  # fmt: skip
+@click.option("--lat", type=Number(-89.0, 89.0, unit="deg"), default=45.0, show_default=True,
+              metavar="DEG", help="Latitude.")  # fmt: skip
+@json_option("Write the plan as JSON (- : here).")
+def drive(**options: Any) -> None:
+    """Say which manoeuvre helps the heading of an alignment in motion most.
+
+    \b
+      schuler plan drive --spec tactical-fog --speed 12 --time 20s
+      schuler plan drive --spec navigation-fog --vehicle aircraft --speed 70 --json -
+    """  # noqa: D301
+    from schuler.alignment.moving.manoeuvres import plan_drive
+    from schuler.cli.limit_path import planned_aids
+    from schuler.earth import Site
+
+    found = plan_drive(
+        options["spec"], planned_aids(options["aids"]), vehicle=options["vehicle"],
+        speed=options["speed"], time=options["time"], before=options["before"],
+        site=Site(options["lat"]),
+    )  # fmt: skip
+    if options["json_to"] is not None:
+        emit_json(found.to_dict(), options["json_to"])
+    if wants_text():
+        echo(str(found))
 
 
 def _counts(text: str) -> range:

@@ -21,11 +21,12 @@ from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec
 from schuler.constants import ARCMIN
 from schuler.earth import earth_rate, gravity, transport_rate
 from schuler.errors import InputError
+from schuler.ins import ErrorStateFilter
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec, load_spec
 from schuler.trajectory import Trajectory
 
-__all__ = ["PathLimit", "limit_on", "planned_fixes", "record_on"]
+__all__ = ["PathLimit", "limit_on", "limits_on", "planned_fixes", "record_on"]
 
 Array = NDArray[np.float64]
 
@@ -150,6 +151,27 @@ def limit_on(
     --------
     >>> limit_on(path, "navigation-fog", planned_fixes(path)).sigma_arcmin  # doctest: +SKIP
     """
+    return limits_on(path, spec, aiding, None, record=record, vibration=vibration)[0]
+
+
+def limits_on(
+    path: Trajectory, spec: ImuSpec | str | Path, aiding: Aid | Sequence[Aid | ZeroVelocity],
+    times: Sequence[float] | None, *, record: ImuRecord | None = None, vibration: float = 0.0,
+) -> list[PathLimit]:  # fmt: skip
+    """Return the bounds of alignments that end at several times, in one pass over the path.
+
+    Parameters
+    ----------
+    path, spec, aiding, record, vibration
+        As in `limit_on`.
+    times : sequence of float or None
+        s since the path's start, increasing; None is the end.
+
+    Raises
+    ------
+    InputError
+        As `limit_on`, and for a time that the path does not last.
+    """
     instrument = load_spec(spec)
     if instrument is None:
         raise InputError("a bound needs an instrument: give its specification")
@@ -172,11 +194,28 @@ def limit_on(
     )  # fmt: skip
     # Nothing is fed back: the covariance is that of rows along the path itself.
     flt = make_filter(nominal, instrument, vibration, measured, aids)
-    flt.update(samples)
+    lasts = samples.end - samples.start
+    wanted = [lasts] if times is None else list(times)
+    if wanted[-1] > lasts + 1e-6 or not all(
+        first < second for first, second in zip([0.0, *wanted], wanted, strict=False)
+    ):
+        raise InputError(
+            f"{path.name}: the path lasts {lasts:.6g} s; times must grow and end with it at the "
+            f"latest, got {', '.join(f'{each:g} s' for each in wanted)}"
+        )
+    out, done = [], None
+    for each in wanted:
+        flt.update(samples.between(done, samples.start + each + 1e-9))
+        done = samples.start + each + 1e-9
+        out.append(_limit_now(flt, samples.start))
+    return out
+
+
+def _limit_now(flt: ErrorStateFilter, start: float) -> PathLimit:
     end, _ = filtered_end(flt)
     sigma = np.sqrt(np.maximum(np.diag(end.covariance), 0.0))
     parts = {name: sigma[end.layout[name]] for name in end.layout if "." in name}
     return PathLimit(
-        samples.end - samples.start, end.covariance[:9, :9], sigma[end.layout["gyro_bias"]],
+        flt.time - start, end.covariance[:9, :9], sigma[end.layout["gyro_bias"]],
         sigma[end.layout["accelerometer_bias"]], parts,
     )  # fmt: skip

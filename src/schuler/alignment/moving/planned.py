@@ -1,0 +1,204 @@
+"""Aids of a path that is only planned, as ``gnss=0.1m/s,3m@1Hz``, and the bound they allow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler.aiding import BodySpeed
+from schuler.aiding.gnss import LARGEST_SIGMA
+from schuler.alignment.moving.path_bound import PathLimit, limits_on, planned_fixes
+from schuler.alignment.moving.setup import Aid
+from schuler.attitude import quat_to_matrix
+from schuler.constants import DEG_PER_HOUR, MICRO_G
+from schuler.errors import InputError
+from schuler.record import ImuRecord
+from schuler.sensors import ImuSpec, load_spec
+from schuler.trajectory import Trajectory
+
+__all__ = ["PathTable", "PlannedAid", "path_table"]
+
+KINDS = ("gnss", "odometer", "dvl")
+
+_NO_POSITION = LARGEST_SIGMA
+"""Sigma of a receiver that gives velocity alone, m: beside the 100 m of the start it is nothing."""
+
+_EXAMPLE = "gnss=0.1m/s,3m@1Hz, odometer=0.1m/s@10Hz or dvl=0.02m/s@1Hz"
+
+
+@dataclass(frozen=True)
+class PlannedAid:
+    """What will be measured along a path, how well and how often.
+
+    Parameters
+    ----------
+    kind : {"gnss", "odometer", "dvl"}
+    velocity : float or None
+        1-sigma, m/s; None for positions alone.
+    position : float or None
+        1-sigma, m, of gnss; None for velocities alone.
+    rate : float
+        Hz.
+
+    Raises
+    ------
+    InputError
+        For a kind that there is not, nothing measured, or numbers that are not positive.
+    """
+
+    kind: str
+    velocity: float | None = None
+    position: float | None = None
+    rate: float = 1.0
+
+    def __post_init__(self) -> None:
+        numbers = [x for x in (self.velocity, self.position, self.rate) if x is not None]
+        if self.kind not in KINDS or len(numbers) < 2:
+            raise InputError(f"a planned aid is {_EXAMPLE}; got {self}")
+        if not all(math.isfinite(x) and x > 0.0 for x in numbers):
+            raise InputError(f"sigma and rate of {self.kind} must be positive")
+        if self.kind != "gnss" and (self.position is not None or self.velocity is None):
+            raise InputError(f"{self.kind} measures a velocity: give its sigma, as 0.1m/s")
+
+    @classmethod
+    def parse(cls, text: str) -> PlannedAid:
+        """Return the aid that a text says, as ``gnss=0.1m/s,3m@1Hz``.
+
+        Raises
+        ------
+        InputError
+            For any other text.
+        """
+        kind, _, rest = text.strip().partition("=")
+        sigmas, at, rate = rest.partition("@")
+        found: dict[str, float] = {}
+        try:
+            if at:
+                found["rate"] = float(rate.strip().removesuffix("Hz"))
+            for cell in sigmas.split(","):
+                number = cell.strip()
+                name = "velocity" if number.endswith("m/s") else "position"
+                if name in found or not number.endswith(("m/s", "m")):
+                    raise ValueError
+                found[name] = float(number.removesuffix("m/s").removesuffix("m"))
+        except ValueError:
+            raise InputError(f"an aid is said as {_EXAMPLE}; got '{text}'") from None
+        if kind not in KINDS:
+            raise InputError(f"an aid is said as {_EXAMPLE}; got '{text}'")
+        return cls(kind, **found)
+
+    def along(self, path: Trajectory) -> Aid:
+        """Return what it would measure along a path, without noise."""
+        if self.kind == "gnss":
+            position = _NO_POSITION if self.position is None else self.position
+            return planned_fixes(path, self.rate, position, self.velocity)
+        assert self.velocity is not None
+        count = int(np.floor((path.time[-1] - path.time[0]) * self.rate + 1e-6)) + 1
+        time = path.time[0] + np.arange(count) / self.rate
+        body = np.einsum("iab,ia->ib", quat_to_matrix(path.known("quat_nb")), path.known("v_n"))
+        value = np.column_stack([np.interp(time, path.time, c) for c in body.T])
+        return BodySpeed(
+            time, value[:, 1] if self.kind == "odometer" else value, self.velocity, name=self.kind
+        )
+
+    def __str__(self) -> str:
+        parts = []
+        if self.velocity is not None:
+            parts.append(f"{self.velocity:g}m/s")
+        if self.position is not None:
+            parts.append(f"{self.position:g}m")
+        return f"{self.kind}={','.join(parts)}@{self.rate:g}Hz"
+
+
+@dataclass(frozen=True, eq=False)
+class PathTable:
+    """The bound of an alignment on a path, for several lengths of it.
+
+    Parameters
+    ----------
+    spec : ImuSpec
+    path : str
+        Its name.
+    aids : tuple of PlannedAid
+    limits : tuple of PathLimit
+        One to each length.
+    """
+
+    spec: ImuSpec
+    path: str
+    aids: tuple[PlannedAid, ...]
+    limits: tuple[PathLimit, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the table with the keys of the JSON schema `schuler.path-limit/1`."""
+        rows = []
+        for each in self.limits:
+            sigma = np.sqrt(np.diag(each.covariance))
+            rows.append({
+                "time_s": each.duration,
+                "sigma_arcmin": axes_of(each),
+                "velocity_m_s": [float(v) for v in sigma[3:6]],
+                "position_m": [float(v) for v in sigma[6:9]],
+                "gyro_bias_deg_h": [float(v) / DEG_PER_HOUR for v in each.gyro_bias],
+                "accelerometer_bias_ug": [float(v) / MICRO_G for v in each.accel_bias],
+            })  # fmt: skip
+        return {
+            "schema": "schuler.path-limit/1", "spec": self.spec.name, "path": self.path,
+            "aids": [str(aid) for aid in self.aids], "rows": rows,
+        }  # fmt: skip
+
+    def __str__(self) -> str:
+        lines = [
+            f"limit of phi along {self.path}, and what it leaves of the biases (body x, y, z): "
+            f"{self.spec.name}, {' '.join(map(str, self.aids))}",
+            f"{'time s':>10}  {'east':>9}  {'north':>9}  {'up':>9}   {'gyro deg/h':^26}   "
+            f"{'accelerometer ug':^26}",
+        ]
+        for each in self.limits:
+            east, north, up = each.sigma_arcmin
+            gyro = " ".join(f"{v / DEG_PER_HOUR:8.3g}" for v in each.gyro_bias)
+            accel = " ".join(f"{v / MICRO_G:8.3g}" for v in each.accel_bias)
+            lines.append(
+                f"{each.duration:10.6g}  {east:8.4g}'  {north:8.4g}'  {up:8.4g}'   {gyro}   {accel}"
+            )
+        return "\n".join(lines)
+
+
+def axes_of(limit: PathLimit) -> dict[str, float]:
+    """Return the 1-sigma of phi by axis, arcmin."""
+    return dict(zip(("east", "north", "up"), map(float, limit.sigma_arcmin), strict=True))
+
+
+def path_table(
+    path: Trajectory, spec: ImuSpec | str | Path, aids: Sequence[PlannedAid],
+    times: Sequence[float] | None = None, *, record: ImuRecord | None = None,
+) -> PathTable:  # fmt: skip
+    """Return the bound of an alignment on a path for several lengths of it.
+
+    Parameters
+    ----------
+    path : Trajectory
+        With velocity and attitude.
+    spec : ImuSpec, str or path
+    aids : sequence of PlannedAid
+    times : sequence of float, optional
+        s since the path's start, increasing; its whole length when not given.
+    record : ImuRecord, optional
+        What a perfect instrument has along the path.
+
+    Raises
+    ------
+    InputError
+        As `limit_on`, and for a time that the path does not last.
+    """
+    instrument = load_spec(spec)
+    if instrument is None or not aids:
+        raise InputError("a bound on a path needs an instrument and at least one aid")
+    along = [aid.along(path) for aid in aids]
+    found = limits_on(path, instrument, along, times, record=record)
+    return PathTable(instrument, path.name, tuple(aids), tuple(found))
