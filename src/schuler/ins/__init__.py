@@ -12,6 +12,7 @@ from schuler.ins.dynamics import (
     SOURCES,
     GroupNoise,
     ProcessNoise,
+    instability_walk,
     instrument_noise,
     instrument_prior,
 )
@@ -73,6 +74,7 @@ __all__ = [
     "ZeroRate",
     "ZeroVelocity",
     "groups_of",
+    "instability_walk",
     "instrument_noise",
     "instrument_prior",
     "smooth",

@@ -11,9 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.constants import DEG_PER_HOUR, MICRO_G
 from schuler.ins.layout import Layout
 from schuler.kernels import ins_layout
-from schuler.sensors import ImuSpec
+from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
 
-__all__ = ["SOURCES", "GroupNoise", "ProcessNoise", "instrument_noise", "instrument_prior"]
+__all__ = [
+    "SOURCES", "GroupNoise", "ProcessNoise", "instability_walk", "instrument_noise",
+    "instrument_prior",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -124,6 +127,32 @@ def instrument_noise(layout: Layout, spec: ImuSpec | None) -> dict[str, GroupNoi
         if part.gauss_markov:
             noise[name] = GroupNoise(0.0, part.gauss_markov, part.gauss_markov_time, source)
     return {name: each for name, each in noise.items() if name in layout}
+
+
+LONGEST_CYCLE = 300.0
+"""Flicker noise is taken for a walk that agrees with it at one cycle of a span, at most so long:
+over more, what a filter has learnt of a bias is forgotten anyway, s."""
+
+
+def instability_walk(part: GyroSpec | AccelerometerSpec, span: float) -> float:
+    """Return the power density of a bias's walk that stands for its instability over a span.
+
+    Flicker noise has the density B^2 / (2 pi f), a walk q / (2 pi f)^2: they agree at f = 1 / T
+    for q = 2 pi B^2 / T.
+
+    Parameters
+    ----------
+    part : GyroSpec or AccelerometerSpec
+    span : float
+        T, s.
+
+    Examples
+    --------
+    >>> from schuler.sensors import GRADES
+    >>> instability_walk(GRADES["navigation-rlg"].gyro, 60.0) >= 0.0
+    True
+    """
+    return float(2.0 * np.pi * part.bias_instability**2 / min(max(span, 1.0), LONGEST_CYCLE))
 
 
 def instrument_prior(layout: Layout, spec: ImuSpec | None) -> dict[str, float]:

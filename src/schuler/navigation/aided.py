@@ -142,7 +142,9 @@ def navigate_aided(
             *dict.fromkeys(group for aid in measured for group in aid.groups),
             *((group.name, group.size) for group in added.values()),
         ])  # fmt: skip
-        noise = noise_of(layout, instrument, options, {**aid_noise(known), **own_noise})
+        noise = noise_of(
+            layout, instrument, options, {**aid_noise(known), **own_noise}, record.duration
+        )
         prior = prior_of(layout, instrument, options, begin, bias_sigma, priors)
         covariance = np.diag(prior**2)
         more = output_times(record, [*measured, *own], options.longest_interval)

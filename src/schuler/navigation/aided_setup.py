@@ -26,6 +26,7 @@ from schuler.ins import (
     Velocity,
     ZeroRate,
     ZeroVelocity,
+    instability_walk,
     instrument_noise,
     instrument_prior,
 )
@@ -224,17 +225,19 @@ def output_times(
 
 
 def noise_of(
-    layout: Layout, spec: ImuSpec, options: AidingOptions, aids: Mapping[str, GroupNoise]
-) -> ProcessNoise:
-    """Return the noise of a specification on a vehicle that vibrates, and that of aids."""
+    layout: Layout, spec: ImuSpec, options: AidingOptions, aids: Mapping[str, GroupNoise],
+    span: float,
+) -> ProcessNoise:  # fmt: skip
+    """Return the noise of a specification on a vehicle that vibrates, and that of aids.
+
+    `span` is the length of the record, s.
+    """
     noise = {**instrument_noise(layout, spec), **aids}
     white = max(spec.accelerometer.white, options.vibration)
     noise["velocity"] = replace(noise["velocity"], walk=white**2)
     for group, least in (("gyro_bias", 1e-7), ("accelerometer_bias", 1e-7)):
         part = spec.gyro if group == "gyro_bias" else spec.accelerometer
-        # What is called bias instability wanders within minutes: a walk that reaches it in 300 s.
-        wander = part.bias_instability**2 / 300.0
-        walk = float(np.max(np.asarray(noise[group].walk))) + wander
+        walk = float(np.max(np.asarray(noise[group].walk))) + instability_walk(part, span)
         noise[group] = GroupNoise(max(walk, (least * part.bias) ** 2), source=noise[group].source)
     return ProcessNoise.of(layout, noise)
 

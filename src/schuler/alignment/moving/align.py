@@ -15,7 +15,7 @@ from schuler.aiding.checks import check_speed
 from schuler.alignment.history import History
 from schuler.alignment.moving.body import body_rows
 from schuler.alignment.moving.coarse import ENOUGH, CoarseAlignment, coarse, missing
-from schuler.alignment.moving.fine import FineAlignment, filtered_end, fine, run_pass
+from schuler.alignment.moving.fine import FineAlignment, difference, filtered_end, fine, run_pass
 from schuler.alignment.moving.result import InMotion, MovingAlignment
 from schuler.alignment.moving.series import (
     Series,
@@ -30,6 +30,7 @@ from schuler.alignment.moving.setup import (
     at_rest,
     make_filter,
     measurements,
+    prior_sigma,
 )
 from schuler.alignment.moving.span import (
     bias_at_rest,
@@ -64,8 +65,11 @@ _AGREES = 1.3
 _PROMPT = 0.005
 """A delay that is longer than this is taken off the stamps, s."""
 
-_WRONG = 3.0
+_WRONG = 2.0
 """The same, beyond which record and aids contradict each other."""
+
+_BEYOND = 6.0
+"""Prior sigmas beyond which an estimate of the instrument contradicts its specification."""
 
 _REFUSED = 0.3
 """Share of refused measurements that contradicts."""
@@ -271,8 +275,13 @@ class _Prepared:
         aids: list[Aid] = [cut if aid is self.leader else aid for aid in self.aids]
         measured = measurements(aids, self.record) + at_rest(self.rests, self.record)
         start = self.nominal(rough)
+        # A coarse gyro turns by degrees within the span: linear is what the coarse stage left.
+        about = replace(start, parameters={
+            **start.parameters, "gyro_bias": self.bias + rough.gyro_bias,
+            "accelerometer_bias": rough.accelerometer_bias,
+        })  # fmt: skip
         for noise in self._vibrations() if vibration is None else (vibration,):
-            found = fine(self.record, start, self.spec, noise, measured, aids)
+            found = fine(self.record, start, self.spec, noise, measured, aids, nominal=about)
             square = mean_square(found, measured)
             if square < _AGREES:
                 break
@@ -282,7 +291,7 @@ class _Prepared:
             # A delay is linear in the filter only where it is small: the stamps take most of it.
             measured = [_restamped(each, late.get(each.label, 0.0), self.record)
                         for each in measured]  # fmt: skip
-            found = fine(self.record, start, self.spec, noise, measured, aids)
+            found = fine(self.record, start, self.spec, noise, measured, aids, nominal=about)
             square = mean_square(found, measured)
         return found, _Taken(tuple(measured), late if moved else {}, noise, square)
 
@@ -347,6 +356,7 @@ def _result(
             f"innovations are {np.sqrt(square):.2g} times their sigma: the instrument's noise, the "
             "delay, the lever arm or the axes are not what they are said to be"
         )
+    contradictions += _beyond_prior(prepared, rough, found)
     if found.moved > 1.0:
         contradictions.append(
             f"after {found.passes} passes the start still moves by {found.moved:.2g} sigma"
@@ -381,6 +391,29 @@ def _result(
     contradicted = fix.contradicted(contradictions)
     assert isinstance(contradicted, MovingAlignment)
     return contradicted
+
+
+def _beyond_prior(prepared: _Prepared, rough: CoarseAlignment, found: FineAlignment) -> list[str]:
+    """Return sentences on the sensors' errors that are not what the specification says.
+
+    A wrong unit hides in a scale factor, wrong axes in a misalignment.
+    """
+    layout = found.start.layout
+    size = np.abs(difference(layout, found.start.nominal, prepared.nominal(rough)))
+    size = size / prior_sigma(layout, prepared.spec, prepared.aids)
+    out = []
+    for group in layout:
+        if not group.startswith(("gyro_", "accelerometer_")):
+            continue
+        worst = float(np.max(size[layout[group]]))
+        if worst > _BEYOND:
+            sensor, _, what = group.partition("_")
+            what = "scale factor or misalignment" if what in ("matrix", "scale") else what
+            out.append(
+                f"the {sensor}'s {what} is found {worst:.0f} times its 1-sigma of "
+                f"'{prepared.spec.name}': units, axes or the specification are wrong"
+            )
+    return out
 
 
 def _bound(

@@ -26,7 +26,7 @@ from schuler.ins.frames import east_angle, to_east_north_up
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
 
-__all__ = ["FineAlignment", "FineState", "fine"]
+__all__ = ["FineAlignment", "FineState", "difference", "fine"]
 
 Array = NDArray[np.float64]
 
@@ -38,6 +38,9 @@ _CHUNK = 5.0
 
 _MEMORY = 1.5e9
 """Largest memory of a smoother, bytes."""
+
+_FARTHEST = 20e3
+"""A start that a pass moves so far (m) is none: the error equations are for less."""
 
 _MOST_PASSES = 8
 _STILL = 0.1
@@ -130,7 +133,7 @@ def _moved_place(lat: float, lon: float, height: float, off: Array) -> tuple[flo
     )  # fmt: skip
 
 
-def _difference(layout: Layout, one: Nominal, other: Nominal) -> Array:
+def difference(layout: Layout, one: Nominal, other: Nominal) -> Array:
     """Return the error state (n,) that a nominal has where the truth is another."""
     x = np.zeros(layout.size)
     x[:3] = -quat_to_rotvec(multiply(one.quat_nb, other.quat_nb * _CONJUGATE))
@@ -215,7 +218,8 @@ def _fits(measured: Sequence[Measurement], layout: Layout, record: ImuRecord) ->
 
 def fine(
     record: ImuRecord, start: Nominal, spec: ImuSpec, vibration: float,
-    measured: Sequence[Measurement], aids: Sequence[Aid], *, budget: bool = True,
+    measured: Sequence[Measurement], aids: Sequence[Aid], *, nominal: Nominal | None = None,
+    budget: bool = True,
 ) -> FineAlignment:  # fmt: skip
     """Return the attitude at both ends of a record.
 
@@ -231,13 +235,15 @@ def fine(
     measured : sequence of Measurement
     aids : sequence of GnssFixes or BodySpeed
         They are from, for their priors.
+    nominal : Nominal, optional
+        About which the first pass is linear, if not about the prior's mean: the coarse biases.
     budget : bool
         Divide the last pass's covariance by source.
 
     Raises
     ------
     InputError
-        If the span is so long that it would take too much memory.
+        If the span is so long that it would take too much memory, or the passes diverge.
     """
     layout = layout_of(spec, measured)
 
@@ -247,7 +253,7 @@ def fine(
             budget=divided,
         )  # fmt: skip
 
-    return iterate(record, start, layout, measured, build, budget=budget)
+    return iterate(record, start, layout, measured, build, nominal=nominal, budget=budget)
 
 
 def iterate(
@@ -285,18 +291,26 @@ def iterate(
     nominal, passes, moved = nominal or start, 0, np.inf
     while True:
         passes += 1
-        flt = build(nominal, _difference(layout, nominal, start), False)
+        flt = build(nominal, difference(layout, nominal, start), False)
         run_pass(flt, record, correct=correct)
         begin = _smoothed_start(flt, nominal, record.start)
-        step = _difference(layout, nominal, begin.nominal)
+        step = difference(layout, nominal, begin.nominal)
         sigma = np.sqrt(np.maximum(np.diag(begin.covariance), 1e-300))
         moved = float(np.max(np.abs(step / sigma)))
+        far = float(np.linalg.norm(step[layout["position"]]))
+        if not far < _FARTHEST:
+            raise InputError(
+                f"{record.name}: the alignment from t = {record.start:.9g} to {record.end:.9g} s "
+                f"diverges: pass {passes} moves the start by {far:.3g} m. The record's axes, units "
+                "and specification, or the delay, are not what they are said to be; a shorter "
+                "span, or one that begins at rest, bears more"
+            )
         if (passes >= 2 and moved < _STILL) or passes == most:
             break
         nominal = begin.nominal
     end, parts = filtered_end(flt)
     if budget:
-        last = build(nominal, _difference(layout, nominal, start), True)
+        last = build(nominal, difference(layout, nominal, start), True)
         run_pass(last, record, correct=correct)
         end, parts = filtered_end(last)
     return FineAlignment(begin, end, parts, passes, moved, flt)

@@ -27,6 +27,7 @@ from schuler.ins import (
     ProcessNoise,
     Velocity,
     ZeroVelocity,
+    instability_walk,
     instrument_noise,
     instrument_prior,
 )
@@ -201,18 +202,18 @@ def prior_sigma(
 
 
 def process_noise(
-    layout: Layout, spec: ImuSpec, vibration: float, more: Mapping[str, GroupNoise] | None = None
-) -> ProcessNoise:
+    layout: Layout, spec: ImuSpec, vibration: float, span: float,
+    more: Mapping[str, GroupNoise] | None = None,
+) -> ProcessNoise:  # fmt: skip
     """Return the noise of a specification, with no less velocity random walk than vibration's.
 
-    `more` is the noise of groups that are not the instrument's.
+    `span` is the length of the record, s; `more` is the noise of other groups.
     """
     noise = instrument_noise(layout, spec)
     white = max(spec.accelerometer.white, vibration)
     noise["velocity"] = replace(noise["velocity"], walk=white**2)
     for group, part in (("gyro_bias", spec.gyro), ("accelerometer_bias", spec.accelerometer)):
-        # What is called bias instability wanders within minutes: a walk that reaches it in 300 s.
-        walk = float(np.max(np.asarray(noise[group].walk))) + part.bias_instability**2 / 300.0
+        walk = float(np.max(np.asarray(noise[group].walk))) + instability_walk(part, span)
         noise[group] = GroupNoise(walk, source=noise[group].source)
     return ProcessNoise.of(layout, {**noise, **(more or {})}, _SOURCES)
 
@@ -225,9 +226,11 @@ def make_filter(
     """Return a filter that starts at a nominal with the diffuse prior, without feedback."""
     layout = layout_of(spec, measured)
     covariance = np.diag(prior_sigma(layout, spec, aids) ** 2)
+    time = np.concatenate([np.asarray(aid.time, np.float64) for aid in measured])
+    span = float(time.max() - time.min())
     return ErrorStateFilter(
         layout, nominal.site, nominal.quat_nb, covariance,
-        process_noise(layout, spec, vibration), measured, v_n=nominal.v_n,
+        process_noise(layout, spec, vibration, span), measured, v_n=nominal.v_n,
         error_state=error_state, parameters=nominal.parameters, feedback=False, budget=budget,
         smooth=smooth, keep_history=True,
     )  # fmt: skip

@@ -121,7 +121,7 @@ def free_run(
     parameters = {name: state.parameters[name] for name in layout if name in state.parameters}
     flt = ErrorStateFilter(
         layout, nominal.site, nominal.quat_nb, 1e-12 * np.eye(layout.size),
-        process_noise(layout, fix.spec, 0.0), [OutputEpoch(due[rows])], v_n=nominal.v_n,
+        process_noise(layout, fix.spec, 0.0, seconds), [OutputEpoch(due[rows])], v_n=nominal.v_n,
         parameters=parameters, feedback=False,
     )  # fmt: skip
     flt.update(rest)

@@ -347,17 +347,7 @@ class Matching:
         nominal: Nominal, error: Array, divided: bool,
     ) -> ErrorStateFilter:  # fmt: skip
         """Return a filter that starts at a nominal, whose prior's mean is at another."""
-        # Flicker noise has the spectrum of a walk at one cycle a span: B^2 / (2 pi f) is there
-        # q / (2 pi f)^2. A precise master shows it, where fixes would hide it.
-        cycle = 2.0 * np.pi / (self.record.end - self.record.start)
-        more = {
-            f"{sensor}_bias": GroupNoise(
-                part.drift**2 + cycle * part.bias_instability**2, source=f"{sensor}_bias"
-            )
-            for sensor, part in (
-                ("gyro", self.spec.gyro), ("accelerometer", self.spec.accelerometer),
-            )
-        }  # fmt: skip
+        more = {}
         if "flexure" in layout and self.flexure is not None:
             more["flexure"] = GroupNoise(
                 0.0, self.flexure.sigma, self.flexure.time / _CRITICAL, "aiding"
@@ -365,7 +355,9 @@ class Matching:
         parameters = {name: each for name, each in nominal.parameters.items() if name in layout}
         return ErrorStateFilter(
             layout, nominal.site, nominal.quat_nb, self.prior(layout, start),
-            process_noise(layout, self.spec, vibration, more), measured, v_n=nominal.v_n,
+            process_noise(
+                layout, self.spec, vibration, self.record.end - self.record.start, more
+            ), measured, v_n=nominal.v_n,
             error_state=error, parameters=parameters, feedback=False, budget=divided,
             smooth=not divided, keep_history=True,
         )  # fmt: skip
