@@ -57,6 +57,7 @@ validate: $(VENV)/.with-dev
 	$(BIN)/python -m tests.alignment.good_and_faulty
 	$(BIN)/python -m tests.prefilter.velocity_table
 	$(BIN)/python -m tests.navigation.aided_table
+	$(BIN)/python -m tests.aiding.rest_table
 	$(BIN)/python -m tests.alignment.moving.figures_table
 	$(BIN)/python -m tests.alignment.transfer.figures_table
 	SCHULER_LONG=1 $(BIN)/python -m pytest -n 2 --dist worksteal tests/campaigns tests/centrifuge \

@@ -117,6 +117,7 @@ def test_speeds_are_held_against_the_fixes(speed, words):
 
 
 def test_good_speeds_are_taken():
+    """Nothing is raised."""
     gnss = GnssFixes(**drive())
     time = np.arange(-1.0, 70.0, 0.1)
     forward = np.full(len(time), 12.1)

@@ -32,6 +32,11 @@ def minute(data_dir: Path) -> tuple[ImuRecord, GnssFixes, BodySpeed, Trajectory]
     path = data_dir / "comma2k19_minute" / "segment.npz"
     if not path.is_file():
         pytest.skip(f"no record at {path}")
+    return loaded(path)
+
+
+def loaded(path: Path) -> tuple[ImuRecord, GnssFixes, BodySpeed, Trajectory]:
+    """Return record, fixes, wheel speed and reference of the minute."""
     with np.load(path, allow_pickle=False) as arrays:
         d = {name: arrays[name] for name in arrays.files}
     begin = np.floor(d["imu_t"][0])
@@ -75,3 +80,18 @@ def test_half_a_minute_by_wheels_alone(
     alone = navigate_aided(record, fixes.rows(np.asarray(fixes.time) < LAST_FIX), spec=PHONE)
     north = [each.path.sigma["position_enu_m"][1] for each in (found, alone)]
     assert north[0] < 1.0 < 5.0 * north[0] < north[1]
+
+
+@pytest.mark.realdata
+def test_an_unspecified_unit_ends_within_its_sigma(
+    minute: tuple[ImuRecord, GnssFixes, BodySpeed, Trajectory],
+) -> None:
+    record, fixes, wheels, reference = minute
+    found = navigate_aided(
+        record, fixes.rows(np.asarray(fixes.time) < LAST_FIX), speeds=[wheels],
+        options=AidingOptions(non_holonomic=True, constraint_sigma=0.05),
+    )  # fmt: skip
+    error = evaluate(found.path, reference)
+    assert error.radial[-1] < 3.0
+    east, north, _ = found.path.sigma["position_enu_m"]
+    assert error.radial[-1] < 3.0 * np.hypot(east, north)

@@ -223,6 +223,7 @@ def test_conditions_can_be_changed(name):
         ("yu_emd", {"simulation.duration": 200.0}, "must be simulation.duration"),
         ("guo2015", {"site.euler_deg": [1.0]}, "three angles"),
         ("fang2006", {"simulation.dwell": 2.0}, "ten times filter.step"),
+        ("niu2025", {"simulation.duration": 100.0}, "longer than outages.settle"),
     ],
 )
 def test_bad_conditions(name, changes, says):
@@ -394,3 +395,19 @@ def test_the_wheel_holds_the_conditions(tmp_path, root):
     inside = zipfile.ZipFile(tmp_path / name).namelist()
     for each in EXPERIMENTS:
         assert f"schuler/published/data/{each}.toml" in inside
+
+
+def test_outages_of_a_car_with_few_runs():
+    """Scale factors as states pay, smoothing pays more, and errors are of the size of sigma."""
+    changes = {
+        "simulation.duration": 400.0, "outages.settle": 200.0, "outages.shifts": [0.0],
+        "outages.period": 90.0,
+    }  # fmt: skip
+    found = run("niu2025", runs=2, workers=1, changes=changes)
+    level = found.row("largest level error of an outage, rms")
+    assert level.printed == 0.647
+    assert 0.2 * level.limit < level.document_method < 3.0 * level.limit
+    smoothed = found.row("largest level error of an outage, rms, smoothed")
+    assert smoothed.best < 0.5 * level.document_method
+    heading = found.row("largest heading error of an outage, rms, 15 states")
+    assert heading.best < heading.document_method

@@ -197,13 +197,18 @@ class GnssFixes:
     def moving(self) -> tuple[Array, NDArray[np.bool_]] | None:
         """When the fixes are valid, and whether the speed is one beyond its noise; None without.
 
-        At rest one level speed in 300,000 is larger than five times the sigma of an axis.
+        At rest one level speed in 300,000 is larger than five times the sigma of an axis; the mean
+        of five fixes is held to less, so that a vehicle that creeps does not pass for one at rest.
         """
         speed = self.speed
         if speed is None:
             return None
         noise = np.asarray(self.v_sigma)[:, :2].max(axis=1)
-        return np.asarray(self.time) - self.delay, speed > np.maximum(5.0 * noise, 0.2)
+        fast = speed > np.maximum(5.0 * noise, 0.2)
+        count = min(5, len(self))
+        mean = [np.convolve(c, np.ones(count) / count, "same") for c in np.asarray(self.v_n).T[:2]]
+        fast |= np.hypot(*mean) > np.maximum(5.0 * noise / np.sqrt(count), 0.2)
+        return np.asarray(self.time) - self.delay, fast
 
     def local(self) -> Array:
         """Return east, north, up of the first fix, m, (n, 3)."""

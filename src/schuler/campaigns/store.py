@@ -255,7 +255,10 @@ def _check_rows(table: Any, chunks: list[Chunk]) -> None:
     for name in schema().names:
         if not name.startswith(("sigma_", "limit_", "heading_error", "warnings")):
             continue
-        values = np.asarray(numbers(table.column(name)), np.float64)
+        try:
+            values = np.asarray(numbers(table.column(name)), np.float64)
+        except TypeError as error:
+            raise InputError(f"has a column {name} that is none: {error}") from None
         low, high = (-np.pi, np.pi) if name == "heading_error" else (0.0, np.inf)
         # NaN is what an alignment without a bound gives.
         if np.any(values < low) or np.any(values > high):

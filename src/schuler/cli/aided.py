@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler import __version__
+from schuler.cli.aid_options import estimates_of, lever_of, sigmas_of
 from schuler.cli.command import CONTRADICTED, echo, wants_text
 from schuler.cli.common import Look, emit_json, open_file, progress, say_warnings, working
 from schuler.cli.parameters import InputFile, Number
-from schuler.cli.path_output import PathOutput, triple
+from schuler.cli.path_output import PathOutput
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,7 +32,6 @@ _KEYS = (
     "vibration", "robust",
 )  # fmt: skip
 _OFFSETS = ("gnss", "odometer", "dvl", "height", "heading")
-_ESTIMATES = ("delay", "lever", "mount", "scale")
 
 
 def aiding_options(function: Any) -> Any:
@@ -157,36 +157,12 @@ def taken(options: dict[str, Any]) -> dict[str, Any]:
     return out
 
 
-def _triple(text: str | None, option: str) -> tuple[float, float, float]:
-    return (0.0, 0.0, 0.0) if text is None else triple(text, option)
-
-
 def _pair(text: str, option: str) -> tuple[float, float]:
     try:
         first, second = (float(cell) for cell in text.split(","))
     except ValueError:
         raise InputError(f"{option}: expected two numbers as 100,3600, got '{text}'") from None
     return first, second
-
-
-def _sigmas(text: str | None) -> tuple[float | None, float | None]:
-    if text is None:
-        return None, None
-    try:
-        position, speed = (float(cell.strip().rstrip("m/s")) for cell in text.split(","))
-    except ValueError:
-        raise InputError(f"--gnss-sigma: expected two numbers as 3,0.1, got '{text}'") from None
-    if not (position > 0.0 and speed > 0.0):
-        raise InputError(f"--gnss-sigma: both must be positive, got '{text}'")
-    return position, speed
-
-
-def _estimates(text: str | None) -> set[str]:
-    wanted = {part.strip() for part in text.split(",")} if text else set()
-    unknown = wanted - set(_ESTIMATES)
-    if unknown:
-        raise InputError(f"--estimate: '{min(unknown)}' is none of {', '.join(_ESTIMATES)}")
-    return wanted
 
 
 def _time_offsets(aids: dict[str, Any]) -> dict[str, float]:
@@ -231,7 +207,7 @@ def _other_aids(
 
     out: list[Aid] = []
     if aids["dvl"] is not None:
-        lever = _triple(aids["dvl_lever"], "--dvl-lever")
+        lever = lever_of(aids["dvl_lever"], "--dvl-lever")
         out.append(
             read_dvl(aids["dvl"], frame=aids["dvl_frame"], lever=lever, estimate=own,
                      offset=offsets.get("dvl", 0.0), topic=topic)
@@ -243,7 +219,7 @@ def _other_aids(
                         offset=offsets.get("height", 0.0))
         )  # fmt: skip
     if aids["heading_file"] is not None:
-        baseline = _triple(aids["baseline"] or "0,1,0", "--baseline")
+        baseline = lever_of(aids["baseline"] or "0,1,0", "--baseline")
         out.append(
             read_heading(aids["heading_file"], baseline=baseline,
                          offset=offsets.get("heading", 0.0))
@@ -261,7 +237,7 @@ def navigate_with_aids(
     from schuler.record import ImuRecord
 
     out, json_to, report_to = outputs
-    wanted = _estimates(aids["estimate"])
+    wanted = estimates_of(aids["estimate"])
     rolling = aids["odometer"] is not None or aids["dvl"] is not None
     if "scale" in wanted and not rolling:
         raise InputError("--estimate scale is that of --odometer or --dvl: give one")
@@ -279,10 +255,10 @@ def navigate_with_aids(
             )
     if aids["nhc_lever"] is not None and not aids["nhc"]:
         raise InputError("--nhc-lever goes with --nhc: give it")
-    sigma, v_sigma = _sigmas(aids["gnss_sigma"])
+    sigma, v_sigma = sigmas_of(aids["gnss_sigma"])
     topic, _, velocity_topic = (aids["gnss_topic"] or "").partition(",")
     gnss = read_gnss(
-        aids["gnss"], lever=_triple(aids["lever"], "--lever"), delay=aids["delay"] or 0.0,
+        aids["gnss"], lever=lever_of(aids["lever"], "--lever"), delay=aids["delay"] or 0.0,
         estimate=tuple(sorted(wanted & {"delay", "lever"})), sigma=sigma, v_sigma=v_sigma,
         height=aids["gnss_height"], offset=offsets.get("gnss", 0.0),
         topic=topic or None, velocity_topic=velocity_topic or None, variable=topic or None,
@@ -291,12 +267,13 @@ def navigate_with_aids(
     speeds = [] if aids["odometer"] is None else [
         read_speed(aids["odometer"], estimate=own, offset=offsets.get("odometer", 0.0),
                    topic=topics.get("odometer"), pulse_length=aids["odometer_scale"],
-                   wheels=aids["wheels"], lever=_triple(aids["odometer_lever"], "--odometer-lever"))
+                   wheels=aids["wheels"],
+                   lever=lever_of(aids["odometer_lever"], "--odometer-lever"))
     ]  # fmt: skip
     more_aids = _other_aids(aids, own, offsets, topics.get("dvl"))
     outages = None if aids["outage"] is None else Outages.parse(aids["outage"])
     more = {} if aids["vibration"] is None else {"vibration": aids["vibration"]}
-    axle = _triple(aids["nhc_lever"], "--nhc-lever")
+    axle = lever_of(aids["nhc_lever"], "--nhc-lever")
     chosen = AidingOptions(
         non_holonomic=aids["nhc"], constraint_lever=axle, zero_velocity=aids["zupt"],
         scale=aids["scale_states"], robust=aids["robust"], smooth=aids["smooth"], **more,

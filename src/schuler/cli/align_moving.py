@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from schuler.cli.aided import _estimates, _sigmas, _triple
+from schuler.cli.aid_options import estimates_of, lever_of, sigmas_of
 from schuler.cli.command import CONTRADICTED, echo, wants_text
 from schuler.cli.common import emit_json, open_file, progress, say_warnings, site_or_none
 from schuler.cli.parameters import InputFile, Number
@@ -102,7 +102,7 @@ def motion_taken(options: dict[str, Any]) -> dict[str, Any] | None:
 def _read_aids(aids: dict[str, Any]) -> list[GnssFixes | BodySpeed | BodyVelocity]:
     from schuler.io import read_dvl, read_gnss, read_speed
 
-    wanted = _estimates(aids["estimate"])
+    wanted = estimates_of(aids["estimate"])
     rolling = aids["odometer"] is not None or aids["dvl"] is not None
     if wanted & {"scale", "mount"} and not rolling:
         raise InputError("--estimate scale and mount are those of --odometer or --dvl: give one")
@@ -119,10 +119,10 @@ def _read_aids(aids: dict[str, Any]) -> list[GnssFixes | BodySpeed | BodyVelocit
             raise InputError(f"--{key} auto is for --master: beside --gnss say --estimate {key}")
     out: list[GnssFixes | BodySpeed | BodyVelocity] = []
     if aids["gnss"] is not None:
-        sigma, v_sigma = _sigmas(aids["gnss_sigma"])
+        sigma, v_sigma = sigmas_of(aids["gnss_sigma"])
         out.append(
             read_gnss(
-                aids["gnss"], lever=_triple(aids["lever"], "--lever"), delay=aids["delay"] or 0.0,
+                aids["gnss"], lever=lever_of(aids["lever"], "--lever"), delay=aids["delay"] or 0.0,
                 sigma=sigma, v_sigma=v_sigma, estimate=tuple(sorted(wanted & {"delay", "lever"})),
             )
         )  # fmt: skip
@@ -130,7 +130,7 @@ def _read_aids(aids: dict[str, Any]) -> list[GnssFixes | BodySpeed | BodyVelocit
     if aids["odometer"] is not None:
         out.append(read_speed(aids["odometer"], name="odometer", estimate=own))
     if aids["dvl"] is not None:
-        lever = _triple(aids["dvl_lever"], "--dvl-lever")
+        lever = lever_of(aids["dvl_lever"], "--dvl-lever")
         out.append(read_dvl(aids["dvl"], frame=aids["dvl_frame"], lever=lever, estimate=own))
     return out
 

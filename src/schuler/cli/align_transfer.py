@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from schuler.cli.aided import _triple
+from schuler.cli.aid_options import lever_of
 from schuler.cli.align_moving import read_whole, say_alignment
 from schuler.cli.common import gravity_known, open_file
 from schuler.cli.parameters import InputFile, Number, Seconds
@@ -139,7 +139,7 @@ def align_by_master(
     fix = transfer(
         record, master, match=asked["match"] or "velocity+attitude", span=(ends[0], ends[1]),
         spec=spec, mounting=mounting, mounting_sigma=None if sigma is None else sigma * DEG,
-        lever=None if lever in (None, "auto") else _triple(lever, "--lever"),
+        lever=None if lever in (None, "auto") else lever_of(lever, "--lever"),
         delay=None if asked["delay"] in (None, "auto") else asked["delay"], noise=noise,
         flexure=bends, vibration=asked["vibration"], at=at, then_free=asked["then_free"],
     )  # fmt: skip
@@ -153,7 +153,7 @@ def _mounting(text: str | None) -> Any:
 
     if text in (None, "auto"):
         return None
-    yaw, pitch, roll = (DEG * each for each in _triple(text, "--mounting"))
+    yaw, pitch, roll = (DEG * each for each in lever_of(text, "--mounting"))
     return euler_to_quat([float(heading_to_psi(yaw)), pitch, roll])
 
 

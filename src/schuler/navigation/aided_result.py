@@ -101,6 +101,12 @@ class AidedNavigation(Shown):
         """
         if every < 1:
             raise InputError(f"samples to a row must be at least 1, got {every}")
+        last = float(self.path.time[-1])
+        if record.end < last - 1e-6:
+            raise InputError(
+                f"{record.name}: the record ends at t = {record.end:.9g} s, and the navigation at "
+                f"{last:.9g} s: give the record that was navigated"
+            )
         s = self.epochs.at_samples(record.between(None, float(self.path.time[-1])))
         rows = slice((len(s.time) - 1) % every, None, every)
         time, at = s.time[rows], self.path.time

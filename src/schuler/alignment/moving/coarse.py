@@ -165,6 +165,17 @@ class _Window:
     def solved(
         self, place: tuple[float, float], time: float, end: Array, turn: Array
     ) -> CoarseAlignment:
+        """Return the attitude of the window at an instant, with biases and delay by linear steps.
+
+        Parameters
+        ----------
+        place : (float, float)
+            Latitude and longitude, rad.
+        time : float
+            s.
+        end, turn : (3, 3) float64
+            C_b^ib0 at the instant, and the integral of C up to it.
+        """
         s, spec = self.series, self.spec
         power = np.trace(s.noise, axis1=1, axis2=2) / 3.0
         mat = Sums(s, self.weights * np.median(power) / power).rotation()

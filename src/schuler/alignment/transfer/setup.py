@@ -234,6 +234,7 @@ class Matching:
             kind: type[Measurement], rows: NDArray[np.int64], value: Array, sigma: float,
             what: str, **more: object,
         ) -> Measurement:  # fmt: skip
+            """Return the measurements of a kind in some rows, with what is estimated of them."""
             own = tuple(part for part in estimate if part in kind.STATES)
             if kind is Velocity and self.by_master:
                 # Where the gyros are noisy the accelerometers are: their noise, times a delay,
