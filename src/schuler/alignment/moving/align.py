@@ -53,6 +53,9 @@ Array = NDArray[np.float64]
 _PASSES = 4
 """Over a body velocity, whose path is not known at first."""
 
+_LAPS, _LINEAR = 4, 0.1
+"""Coarse passes, and the turn by the gyro bias (rad) from which on the series is made again."""
+
 _VIBRATION = (0.003, 0.01, 0.03, 0.1)
 """Velocity random walks that are tried until the innovations agree, m/s/sqrt(s)."""
 
@@ -200,33 +203,45 @@ class _Prepared:
         leader = self.leader
         late = isinstance(leader, GnssFixes) and "delay" in leader.estimate
         here = self
-        total = 0.0
-        for _ in range(2 if late else 1):
+        for lap in range(_LAPS):
             series, cut = here._series()
-            found = here._solved(series, cut, late)
+            found = here._solved(series, cut, late, here.bias - self.bias)
+            far = float(np.linalg.norm(found.gyro_bias)) * (self.record.end - self.record.start)
+            if (far < _LINEAR or lap == _LAPS - 1) and (lap > 0 or not late):
+                break
+            # The series is linear in the delay and in the turn that a gyro bias makes.
             if late:
                 assert isinstance(here.leader, GnssFixes)
-                total += found.delay
-                moved = replace(here.leader, delay=here.leader.delay + found.delay)
-                here = replace(here, leader=moved)
+                here = replace(
+                    here, leader=replace(here.leader, delay=here.leader.delay + found.delay)
+                )
+            if far >= _LINEAR:
+                here = replace(here, bias=here.bias + found.gyro_bias)
+        found = replace(found, gyro_bias=found.gyro_bias + here.bias - self.bias)
         if found.heading_sigma > ENOUGH or not np.isfinite(found.heading_sigma):
             raise InputError(f"{leader.name}: {missing(found, series)}")
         return cut, found
 
-    def _solved(self, series: Series, cut: Aid, late: bool) -> CoarseAlignment:
-        """Return the attitude at the start; residuals beyond their sigma widen it."""
+    def _solved(self, series: Series, cut: Aid, late: bool, removed: Array) -> CoarseAlignment:
+        """Return the attitude at the start; residuals beyond their sigma widen it.
+
+        `removed` (3,) is what was taken off the gyros beside the bias at rest, rad/s.
+        """
         place = (self.site.latitude, self.site.longitude)
         none = np.eye(3), np.zeros((3, 3))
         found, noise = None, 1.0
         for _ in range(2):
             found = coarse(
                 series, self.spec, place, self.record.start, *none, estimate_delay=late,
-                noise=noise,
+                noise=noise, removed=removed,
             )  # fmt: skip
             if isinstance(cut, BodySpeed):
                 for _ in range(_PASSES - 1):
                     series = body_velocity_series(series.rows, cut, self.site, found.mat_i0_ib0)
-                    found = coarse(series, self.spec, place, self.record.start, *none, noise=noise)
+                    found = coarse(
+                        series, self.spec, place, self.record.start, *none, noise=noise,
+                        removed=removed,
+                    )  # fmt: skip
             if found.ratio < _AGREES:
                 break
             noise = found.ratio

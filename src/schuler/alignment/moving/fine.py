@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from schuler.alignment.moving.setup import Aid, Nominal, layout_of, make_filter
 from schuler.attitude import multiply, quat_to_rotvec, rotvec_to_quat
-from schuler.constants import DEG
+from schuler.constants import DEG, DEG_PER_HOUR
 from schuler.earth import radii
 from schuler.errors import InputError
 from schuler.ins import ErrorStateFilter, Layout, Measurement
@@ -32,6 +32,15 @@ Array = NDArray[np.float64]
 
 _KNOWN = 2.0 * DEG
 """1-sigma of the heading from which on the filter corrects itself."""
+
+_HALF_KNOWN, _LATE = 10.0 * DEG, 120.0
+"""1-sigma, and the time from which on it is enough (s): a coarse gyro leaves what is linear."""
+
+_COARSE_GYRO = 30.0 * DEG_PER_HOUR
+"""With a larger bias a long span is begun by passes over its first part alone."""
+
+_FIRST_PART = 150.0
+"""How long that is, s: a navigation that nothing corrects stays within what is linear."""
 
 _CHUNK = 5.0
 """How often that is looked at, s."""
@@ -119,7 +128,8 @@ def run_pass(flt: ErrorStateFilter, record: ImuRecord, *, correct: bool = True) 
         if not len(chunk):
             continue
         flt.update(chunk)
-        if correct and not flt.feedback and flt.covariance[2, 2] < _KNOWN**2:
+        enough = _KNOWN if begin - record.start < _LATE else _HALF_KNOWN
+        if correct and not flt.feedback and flt.covariance[2, 2] < enough**2:
             flt.feedback = True
 
 
@@ -253,13 +263,24 @@ def fine(
             budget=divided,
         )  # fmt: skip
 
-    return iterate(record, start, layout, measured, build, nominal=nominal, budget=budget)
+    first_part = _FIRST_PART if spec.gyro.bias > _COARSE_GYRO else np.inf
+    return iterate(
+        record,
+        start,
+        layout,
+        measured,
+        build,
+        nominal=nominal,
+        budget=budget,
+        first_part=first_part,
+    )
 
 
 def iterate(
     record: ImuRecord, start: Nominal, layout: Layout, measured: Sequence[Measurement],
     build: Callable[[Nominal, Array, bool], ErrorStateFilter], *, nominal: Nominal | None = None,
     correct: bool = True, budget: bool = True, most: int = _MOST_PASSES,
+    first_part: float = np.inf,
 ) -> FineAlignment:  # fmt: skip
     """Repeat passes of a filter from its own smoothed start until that no longer moves.
 
@@ -281,6 +302,8 @@ def iterate(
         Divide the last pass's covariance by source.
     most : int
         Passes at most.
+    first_part : float
+        s; passes over so much of a span that is twice as long find where the others start.
 
     Raises
     ------
@@ -289,10 +312,13 @@ def iterate(
     """
     _fits(measured, layout, record)
     nominal, passes, moved = nominal or start, 0, np.inf
+    part = record
+    if record.end - record.start > 2.0 * first_part:
+        part = record.between(record.start, record.start + first_part)
     while True:
         passes += 1
         flt = build(nominal, difference(layout, nominal, start), False)
-        run_pass(flt, record, correct=correct)
+        run_pass(flt, part, correct=correct)
         begin = _smoothed_start(flt, nominal, record.start)
         step = difference(layout, nominal, begin.nominal)
         sigma = np.sqrt(np.maximum(np.diag(begin.covariance), 1e-300))
@@ -306,7 +332,9 @@ def iterate(
                 "span, or one that begins at rest, bears more"
             )
         if (passes >= 2 and moved < _STILL) or passes == most:
-            break
+            if part is record:
+                break
+            part, passes = record, 0
         nominal = begin.nominal
     end, parts = filtered_end(flt)
     if budget:
