@@ -49,7 +49,7 @@ def arrays(text):
 def test_kalibr_s_matrices_are_lower_triangular_and_give_the_outputs():
     found = arrays(calibration_texts(C, "kalibr")[""])
     assert [key for key, _ in found] == [
-        "C_i_schuler", "M", "bias", "M", "C_gyro_i", "A", "bias"
+        "C_i_output", "M", "bias", "M", "C_gyro_i", "A", "bias"
     ]  # fmt: skip
     body, accel, accel_bias, gyro, rotation, _, gyro_bias = (np.asarray(v) for _, v in found)
     for triangle in (accel, gyro):
@@ -84,3 +84,14 @@ def test_accelerometers_alone_have_no_gyros(tmp_path):
 def test_another_tool_is_refused():
     with pytest.raises(InputError, match="no tool 'matlab' to export to: imu_tk, kalibr, ros"):
         export_calibration(C, "matlab", "x")
+
+
+def test_a_tool_that_reads_other_axes_has_the_calibration_in_these(tmp_path):
+    from schuler.io.axes import parse_axes
+
+    turn = np.array(parse_axes("FRD").matrix())
+    np.testing.assert_array_equal(turn @ [1.0, 2.0, 3.0], [2.0, 1.0, -3.0])
+    export_calibration(C, "ros", tmp_path / "frd.yaml", axes=turn)
+    found = dict(arrays((tmp_path / "frd.yaml").read_text()))
+    frd = turn.T @ OUTPUT
+    np.testing.assert_allclose(found["SM"] @ frd - found["bias"], turn.T @ ACCELERATION, rtol=1e-7)

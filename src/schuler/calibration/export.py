@@ -17,6 +17,7 @@ ros
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,7 +67,7 @@ def kalibr_matrices(calibration: Calibration) -> tuple[Array, Array, Array, Arra
     rotation_gyro : (3, 3) float64
         C: from the new body axes to the axes of the gyros.
     rotation_body : (3, 3) float64
-        From schuler's body axes to the new ones.
+        From the axes of the outputs to the new ones.
     """
     accel_m, rotation_body = _lower_times_rotation(np.linalg.inv(calibration.accel_matrix))
     gyro_m, rotation_gyro = _lower_times_rotation(
@@ -87,13 +88,13 @@ def _kalibr(c: Calibration, has_gyros: bool) -> dict[str, str]:
     lines = [
         f"# {printable(c.name)}, by schuler {__version__}: Kalibr's scale-misalignment model.",
         "# accelerometers: output = M f + bias;  gyros: output = M C_gyro_i w + bias",
-        "# M is lower triangular in body axes i of its own: i = C_i_schuler b. In Python:",
-        "#   C = np.array(C_i_schuler)",
+        "# M is lower triangular in body axes i of its own: i = C_i_output b. In Python:",
+        "#   C = np.array(C_i_output)",
         "#   f = C.T @ np.linalg.solve(accelerometer_M, accelerometer - accelerometer_bias)",
         "#   w = C.T @ C_gyro_i.T @ np.linalg.solve(gyro_M, gyro - gyro_bias)",
         "imu0:",
         "  model: scale-misalignment",
-        *_yaml_matrix("C_i_schuler", rotation_body, "  "),
+        *_yaml_matrix("C_i_output", rotation_body, "  "),
         "  accelerometers:",
         *_yaml_matrix("M", accel_m, "    "),
         f"    bias: [{_numbers(c.accel_bias)}]",
@@ -154,9 +155,20 @@ def calibration_texts(
     return CALIBRATION_TOOLS[tool](calibration, has_gyros)
 
 
+def _in_axes(c: Calibration, to_body: ArrayLike) -> Calibration:
+    """Return the calibration of outputs in other axes, which a matrix turns into body axes."""
+    turn = np.asarray(to_body, np.float64)
+    return replace(
+        c,
+        gyro_matrix=turn.T @ c.gyro_matrix @ turn, gyro_bias=turn.T @ c.gyro_bias,
+        accel_matrix=turn.T @ c.accel_matrix @ turn, accel_bias=turn.T @ c.accel_bias,
+    )  # fmt: skip
+
+
 def export_calibration(
-    calibration: Calibration, tool: str, path: str | Path, *, has_gyros: bool = True
-) -> list[Path]:
+    calibration: Calibration, tool: str, path: str | Path, *, has_gyros: bool = True,
+    axes: ArrayLike | None = None,
+) -> list[Path]:  # fmt: skip
     """Write a tool's calibration files; return them.
 
     Parameters
@@ -167,12 +179,17 @@ def export_calibration(
         The file; imu_tk has one for each triad, ``PATH.acc`` and ``PATH.gyro``.
     has_gyros : bool
         Whether the gyros were calibrated too.
+    axes : (3, 3) array_like, optional
+        Turns the instrument's own axes, in which the tool reads it, into right-forward-up; the
+        file is for outputs in these axes. Right-forward-up when not given.
 
     Raises
     ------
     InputError
         For another tool, or if a file cannot be written.
     """
+    if axes is not None:
+        calibration = _in_axes(calibration, axes)
     out = []
     for ending, text in calibration_texts(calibration, tool, has_gyros=has_gyros).items():
         there = Path(f"{path}{ending}")

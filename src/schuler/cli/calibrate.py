@@ -99,13 +99,14 @@ def poses(**options: Any) -> None:
     common: dict[str, Any] = {"initial": initial, "name": Path(files[0]).stem}
     warnings: list[str] = []
     finish: Callable[..., None] | None = None
+    axes: list[list[float]] | None = None
     if len(files) == 1:
         if scale is not None:
             raise InputError("--gyro-scale goes with two tables of counts")
         start, stop = options.pop("start"), options.pop("stop")
         source, finish = open_file({**options, "file": files[0]})
         gravity, said = _gravity(given, options, source)
-        record = source.read(start=start, stop=stop)
+        record, axes = source.read(start=start, stop=stop), source.axes.matrix()
         warnings += source.quality.warnings() if source.quality else []
         fit = calibrate_poses(record.time, record.accel, record.gyro, gravity=gravity, **common)
         look = Look(source)
@@ -140,7 +141,9 @@ def poses(**options: Any) -> None:
     for tool, path in exports:
         from schuler.calibration.export import export_calibration
 
-        export_calibration(fit.calibration, tool, path, has_gyros=bool(fit.turn_error.size))
+        export_calibration(
+            fit.calibration, tool, path, has_gyros=bool(fit.turn_error.size), axes=axes
+        )
     if json_to is not None:
         emit_json(fit.to_dict(), json_to)
     draw(fit, report_to)
