@@ -19,8 +19,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from schuler import __version__
 from schuler._files import replacing
+from schuler._version import __version__
 from schuler.allan_variance.density import Densities, Density, densities
 from schuler.allan_variance.fit import NoiseFit
 from schuler.errors import InputError, printable

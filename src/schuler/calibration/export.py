@@ -23,8 +23,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler import __version__
 from schuler._files import replacing
+from schuler._version import __version__
 from schuler.calibration.apply import Calibration
 from schuler.errors import InputError, printable
 
