@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import schuler as sc
+from schuler.alignment import compare_records
 from schuler.constants import DEG_PER_HOUR
 from schuler.motion import Static
 from schuler.sensors import GRADES
@@ -208,6 +209,16 @@ def array() -> Any:
     return ArrayFigures(sensors, Reliability(sensors, Lifetime(10_000.0)))
 
 
+def overview() -> Any:
+    from schuler.reports.overview import Overview
+
+    document = sc.align(rest().record, SITE, spec=FOG).to_dict()
+    return Overview("align", (
+        {"file": "a.csv", "document": document, "error": None, "warnings": []},
+        {"file": "b.csv", "document": None, "error": "b.csv: is empty", "warnings": []},
+    ))  # fmt: skip
+
+
 MAKERS: dict[str, Callable[[], Any]] = {
     "Alignment": lambda: sc.align(rest().record, SITE, spec=FOG),
     "MovingAlignment": moving,
@@ -216,6 +227,7 @@ MAKERS: dict[str, Callable[[], Any]] = {
     "LatitudeFix": latitude_fix,
     "Comparison": comparison,
     "LimitTable": limits,
+    "RecordComparison": lambda: compare_records(made("Alignment"), made("Alignment")),
     "PathTable": path_limits,
     "TableNorth": north,
     "Allan": lambda: sc.allan([rest().record]),
@@ -237,6 +249,7 @@ MAKERS: dict[str, Callable[[], Any]] = {
     "Experiment": experiment,
     "FaultScan": faults,
     "ArrayFigures": array,
+    "Overview": overview,
 }
 
 
