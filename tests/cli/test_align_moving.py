@@ -13,7 +13,7 @@ import pytest
 from schuler.constants import ARCMIN, DEG
 from schuler.io import write
 from tests.alignment.moving.routes import body_speed, fixes, heading_error, noisy
-from tests.alignment.moving.test_coarse import simulated
+from tests.in_motion.test_coarse import simulated
 
 from .conftest import Ran
 

@@ -44,10 +44,10 @@ Array = NDArray[np.float64]
 FALSE_ALARM = 3e-4
 """Probability that a test of a good record contradicts it."""
 
-DOUBT = 0.01
+DOUBT = 0.003
 """Chance of the gyro bias that a record shows below which sigma holds more than the specified one.
 
-Between it and `FALSE_ALARM` nothing is contradicted: of 100 good records one gets a larger sigma.
+Between it and `FALSE_ALARM` nothing is contradicted; three good records in 1,000 come below it.
 """
 
 _LEAST_DEFLECTION = 0.1 * ARCSEC

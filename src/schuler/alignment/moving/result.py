@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.method import Estimate, Method, Problem
-from schuler.alignment.moving.coarse import CoarseAlignment
 from schuler.alignment.moving.fine import FineState
 from schuler.alignment.result import Alignment
 from schuler.constants import ARCMIN, DEG
 from schuler.errors import InputError
+from schuler.in_motion.coarse import CoarseAlignment
 from schuler.ins import BodyVelocity, EpochHistory, Measurement
 
 __all__ = ["InMotion", "MovingAlignment"]
