@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler._notebook import Shown
+from schuler._result import Result, table_of_rows
 from schuler.alignment.aligner import Aligner
 from schuler.alignment.method import Method
 from schuler.alignment.result import Alignment
@@ -24,7 +24,7 @@ __all__ = ["Windows", "align_windows"]
 
 
 @dataclass(frozen=True, eq=False)
-class Windows(Shown):
+class Windows(Result):
     """The alignment of the whole span, and of each window in it.
 
     Parameters
@@ -74,6 +74,10 @@ class Windows(Shown):
             "mean_heading_deg": self.mean_heading_deg,
             "std_heading_arcmin": self.std_heading_arcmin,
         }
+
+    def columns(self) -> dict[str, Any]:
+        """Return a row to each window."""
+        return table_of_rows(self.to_dict()["windows"])
 
     def __str__(self) -> str:
         std = self.std_heading_arcmin

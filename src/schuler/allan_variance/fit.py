@@ -14,10 +14,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._result import Result
 from schuler.allan_variance.deviation import Allan
 from schuler.allan_variance.theory import (
     NOISES,
@@ -105,11 +107,28 @@ class ChannelFit:
 
 
 @dataclass(frozen=True, eq=False)
-class NoiseFit:
+class NoiseFit(Result):
     """The noise of each channel of a record, and what it was found from."""
 
     source: Allan
     channels: dict[str, ChannelFit] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return deviations and fit with the keys of the JSON schema `schuler.allan/2`."""
+        from schuler.allan_variance.output import to_dict
+
+        return to_dict(self.source, self)
+
+    def columns(self) -> dict[str, Any]:
+        """Return averaging times, and deviation, bounds and fitted curve of each channel."""
+        from schuler.allan_variance.output import columns
+
+        return columns(self.source, self)
+
+    def __str__(self) -> str:
+        from schuler.allan_variance.output import fit_lines
+
+        return "\n".join(fit_lines(self))
 
     def parts(self, channel: str, tau: Array) -> Array:
         """Return the fitted deviation of each term (k, 5) at averaging times (s)."""

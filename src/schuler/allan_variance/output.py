@@ -13,7 +13,7 @@ from schuler.allan_variance.result import Allan
 from schuler.errors import InputError
 from schuler.units import to_unit
 
-__all__ = ["curve_lines", "fit_lines", "save_spec", "spoken", "to_dict", "unit_of"]
+__all__ = ["columns", "curve_lines", "fit_lines", "save_spec", "spoken", "to_dict", "unit_of"]
 
 
 def unit_of(channel: str) -> str:
@@ -71,6 +71,21 @@ def to_dict(found: Allan, fit: NoiseFit | None = None) -> dict[str, Any]:
         "tau_s": [float(t) for t in found.tau],
         "channels": channels,
     }
+
+
+def columns(found: Allan, fit: NoiseFit | None = None) -> dict[str, Any]:
+    """Return a table: averaging time, and of each channel deviation, bounds and fitted curve."""
+    out: dict[str, Any] = {"tau [s]": found.tau}
+    for k, name in enumerate(found.channels):
+        unit = unit_of(name)
+        factor = to_unit(1.0, unit)
+        for what, values in (
+            ("", found.deviation), (" lower", found.lower), (" upper", found.upper),
+        ):  # fmt: skip
+            out[f"{name}{what} [{unit}]"] = factor * values[:, k]
+        if fit is not None:
+            out[f"{name} fit [{unit}]"] = factor * fit.curve(name, found.tau)
+    return out
 
 
 def curve_lines(found: Allan) -> list[str]:

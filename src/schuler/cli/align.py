@@ -15,6 +15,7 @@ from schuler.cli.align_moving import align_in_motion, motion_options, motion_tak
 from schuler.cli.align_transfer import align_by_master, transfer_options, transfer_taken
 from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
 from schuler.cli.common import (
+    draw,
     emit_json,
     file_options,
     gravity_known,
@@ -157,11 +158,6 @@ def command(**options: Any) -> int:
     method = parse_method(name)
     if prefilter is not None:
         method = method.with_prefilter(parse_prefilter(prefilter))
-    if report_to is not None:
-        from schuler.reports.page import graph_objects
-
-        graph_objects()  # a missing library is said before the work, too
-
     calibration = None
     if calibration_from is not None:
         from schuler.calibration.apply import Calibration
@@ -186,10 +182,7 @@ def command(**options: Any) -> int:
         windows = type(windows)(fix, windows.length, windows.each)
     if json_to is not None:
         emit_json((windows or fix).to_dict(), json_to)
-    if report_to is not None:
-        from schuler.reports import report
-
-        report(windows or fix, report_to)
+    draw(windows or fix, report_to)
     if wants_text():
         _print(fix, windows)
     finish()
@@ -204,7 +197,6 @@ def _without_latitude(
     from dataclasses import replace
 
     from schuler.alignment import align_without_latitude
-    from schuler.constants import DEG
     from schuler.record import ImuRecord
     from schuler.sensors import load_spec
 
@@ -224,16 +216,8 @@ def _without_latitude(
     fix = _with_source(found.alignment, source, spec, calibration_from)
     found = replace(found, alignment=fix)
     if json_to is not None:
-        data = {
-            **fix.to_dict(),
-            "latitude_deg": found.latitude / DEG,
-            "latitude_sigma_deg": found.sigma / DEG,
-        }
-        emit_json(data, json_to)
-    if report_to is not None:
-        from schuler.reports import report
-
-        report(fix, report_to)
+        emit_json(found.to_dict(), json_to)
+    draw(fix, report_to)
     if wants_text():
         echo(str(found).partition("\nwarning: ")[0])
     finish()

@@ -8,7 +8,7 @@ import click
 
 from schuler.cli.aid_options import estimates_of, lever_of, sigmas_of
 from schuler.cli.command import CONTRADICTED, echo, wants_text
-from schuler.cli.common import emit_json, open_file, progress, say_warnings, site_or_none
+from schuler.cli.common import draw, emit_json, open_file, progress, say_warnings, site_or_none
 from schuler.cli.parameters import InputFile, Number
 from schuler.errors import InputError
 
@@ -158,10 +158,6 @@ def align_in_motion(
     from schuler.io.span import parse_record_time
     from schuler.sensors import load_spec
 
-    if outputs[1] is not None:
-        from schuler.reports.page import graph_objects
-
-        graph_objects()  # a missing library is said before the work, too
     given = _read_aids(aids)
     source, finish = open_file(options, None, load_spec(spec))
     site = site_or_none(options, source)
@@ -187,10 +183,7 @@ def say_alignment(
     json_to, report_to = outputs
     if json_to is not None:
         emit_json(fix.to_dict(), json_to)
-    if report_to is not None:
-        from schuler.reports import report
-
-        report(fix, report_to)
+    draw(fix, report_to)
     if wants_text():
         echo(str(fix).split("\nwarning: ")[0])
         shares = sorted(fix.budget_arcmin2.items(), key=lambda item: -item[1])

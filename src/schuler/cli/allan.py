@@ -9,6 +9,7 @@ import click
 from schuler.cli.command import Command, echo, wants_text
 from schuler.cli.common import (
     Look,
+    draw,
     emit_json,
     file_options,
     json_option,
@@ -81,10 +82,6 @@ def command(**options: Any) -> None:
     added = _added(spec_to, *(options.pop(k) for k in ("gyro_bias", "accel_bias", "note")))
     start, stop = options.pop("start"), options.pop("stop")
     source, finish = open_file(options)
-    if report_to is not None:
-        from schuler.reports.page import graph_objects
-
-        graph_objects()  # a missing library is said before the work, too
     look = Look(source)
     with progress(source, source.chunks(start=start, stop=stop)) as chunks:
         found = allan(look.through(chunks), taus, kind)
@@ -102,10 +99,7 @@ def command(**options: Any) -> None:
         warnings += fit.warnings()
     if json_to is not None:
         emit_json({**to_dict(found, fit), **source.how_read()}, json_to)
-    if report_to is not None:
-        from schuler.reports.allan import allan_report
-
-        allan_report(found, fit, report_to)
+    draw(found if fit is None else fit, report_to)
     if spec_to is not None and fit is not None:
         save_spec(fit, spec_to, **added)
     if wants_text():

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from schuler.cli.command import echo
+from schuler.cli.command import echo, made_by
 from schuler.cli.completion import files
+from schuler.cli.drawing import draw, report_option
 from schuler.cli.parameters import InputFile, Number, OutputFile, RecordTime, Seconds
 from schuler.cli.run_file import mapping_of_run, note_mapping, save_run
 from schuler.errors import InputError
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Look",
+    "draw",
     "emit_json",
     "file_options",
     "gravity_known",
@@ -165,13 +167,6 @@ def file_options(function: F) -> F:
 def json_option(text: str = "Write the result as JSON (- : here).") -> Callable[[F], F]:
     """Return the option ``--json OUT``, as `json_to`."""
     return click.option("--json", "json_to", type=OutputFile(".json"), metavar="OUT", help=text)
-
-
-def report_option(text: str) -> Callable[[F], F]:
-    """Return the option ``--report OUT.html``, as `report_to`."""
-    return click.option(
-        "--report", "report_to", type=OutputFile(".html", ".htm"), metavar="OUT.html", help=text
-    )
 
 
 #: where the vehicle stands
@@ -370,10 +365,10 @@ class Look:
 
 
 def emit_json(data: dict[str, Any], target: str) -> None:
-    """Write JSON to a file, or to standard output for ``-``."""
+    """Write JSON with where it is from to a file, or to standard output for ``-``."""
     import json
 
-    text = json.dumps(data, indent=2, allow_nan=False) + "\n"
+    text = json.dumps({**data, "provenance": made_by()}, indent=2, allow_nan=False) + "\n"
     from schuler._files import replacing
 
     with replacing(Path(target)) as temporary:

@@ -10,6 +10,7 @@ import click
 from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
 from schuler.cli.common import (
     Look,
+    draw,
     emit_json,
     file_options,
     gravity_options,
@@ -72,10 +73,6 @@ def command(**options: Any) -> int:
     site = site_or_none(options, source)
     if site is None:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
-    if report_to is not None:
-        from schuler.reports.page import graph_objects
-
-        graph_objects()  # a missing library is said before the work, too
     pairs = DEFAULT_PAIRS
     if methods or prefilters:
         names = [m.strip() for m in (methods or "auto").split(",")]
@@ -99,10 +96,7 @@ def command(**options: Any) -> int:
     )  # fmt: skip
     if json_to is not None:
         emit_json(found.to_dict(), json_to)
-    if report_to is not None:
-        from schuler.reports.compare import comparison_report
-
-        comparison_report(found, report_to)
+    draw(found, report_to)
     if wants_text():
         echo(str(found))
     finish()

@@ -14,6 +14,7 @@ from schuler.navigation.evaluate import (
     evaluate,
     schuler_rate,
 )
+from schuler.navigation.free_result import FreeNavigation
 from schuler.navigation.lever import at_lever
 from schuler.navigation.motion_start import MotionStart, motion_start
 from schuler.navigation.navigator import Navigator, Start, navigate
@@ -25,6 +26,7 @@ __all__ = [
     "AidingOptions",
     "Components",
     "Evaluation",
+    "FreeNavigation",
     "Gravity",
     "MotionStart",
     "Navigator",

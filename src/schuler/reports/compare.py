@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from html import escape
-from pathlib import Path
 
 import numpy as np
 
 from schuler.alignment.compare import Comparison
+from schuler.reports.figure import scatter
 from schuler.reports.figures import BLUE, figure_of, plot_layout
-from schuler.reports.page import Drawing, Section, contradiction_box, graph_objects, write_page
+from schuler.reports.page import Drawing, Page, Section, contradiction_box
 
-__all__ = ["comparison_report"]
+__all__ = ["comparison_page"]
 
 
 def _cell(value: float | None, form: str, unit: str = "") -> str:
@@ -21,21 +21,13 @@ def _cell(value: float | None, form: str, unit: str = "") -> str:
     return f"{value:,.0f}{unit}" if form == ".3g" and value >= 1000 else f"{value:{form}}{unit}"
 
 
-def comparison_report(found: Comparison, path: str | Path) -> None:
-    """Write the page.
+def comparison_page(found: Comparison) -> Page:
+    """Return the page.
 
     Parameters
     ----------
     found : Comparison
-    path : str or Path
-        The HTML file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
     """
-    go = graph_objects()
     done = [row for row in found.rows if row.heading_deg is not None]
     best = min(done, key=lambda row: row.sigma_arcmin or np.inf) if done else None
     body = "".join(
@@ -70,7 +62,7 @@ def comparison_report(found: Comparison, path: str | Path) -> None:
         layout["xaxis"].update(range=[-reach, reach])
         figure = figure_of(
             [
-                go.Scatter(
+                scatter(
                     x=np.array(off) * 60.0, y=names, mode="markers", name="heading",
                     marker={"color": BLUE, "size": 8},
                     error_x={"array": [row.sigma_arcmin for row in done], "color": BLUE},
@@ -80,7 +72,7 @@ def comparison_report(found: Comparison, path: str | Path) -> None:
             layout,
         )  # fmt: skip
         text = "Heading of every method with its 1-sigma bar, against that of the least sigma."
-        sections.append(Section("Headings", drawings=[Drawing(figure, text, text)]))
+        sections.append(Section("Headings", drawings=[Drawing("headings", figure, text)]))
     window = "" if found.window is None else f" · windows of {found.window:g} s"
     limit = "" if found.limit_arcmin is None else f" · limit {found.limit_arcmin:.3g}′"
     value = "no method found north" if best is None else (
@@ -93,5 +85,5 @@ def comparison_report(found: Comparison, path: str | Path) -> None:
         f'<p class="sub">{"" if best is None else "least sigma: " + escape(best.method) + " · "}'
         f"{found.duration:.6g} s{window}{limit}</p>"
     )
-    write_page(path, f"Methods compared: {found.name}", head,
+    return Page(f"Methods compared: {found.name}", head,
                [*sections, Section("Table", html=table)])  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,9 @@ from numpy.typing import NDArray
 from schuler.alignment import MovingAlignment
 from schuler.constants import ARCMIN, DEG
 from schuler.ins import BodyVelocity
+from schuler.reports.figure import scatter
 from schuler.reports.figures import BLUE, GREY, ORANGE, POINTS, figure_of, line_of, plot_layout
-from schuler.reports.page import Drawing, Section, definition_table, graph_objects
+from schuler.reports.page import Drawing, Section, definition_table
 
 __all__ = ["moving_sections"]
 
@@ -70,7 +70,7 @@ def _sigma(fix: MovingAlignment) -> Drawing:
     layout = plot_layout(300, _TIME, "sigma, arcmin")
     layout["yaxis"]["type"] = "log"
     text = "1 sigma of the attitude after each measurement, from a start of which nothing is known."
-    return Drawing(figure_of(traces, layout), text, text)
+    return Drawing("sigma", figure_of(traces, layout), text)
 
 
 def _innovations(fix: MovingAlignment, aid: str) -> Drawing:
@@ -89,11 +89,11 @@ def _innovations(fix: MovingAlignment, aid: str) -> Drawing:
     if len(out):
         worst = np.max(np.abs(z[out]) / np.maximum(sigma[out], 1e-12), axis=1)
         traces.append(
-            graph_objects().Scatter(
+            scatter(
                 x=time[out], y=worst, name="refused", mode="markers",
                 marker={"color": "#CC3311", "symbol": "x", "size": 7},
             )
         )  # fmt: skip
     text = f"Predicted minus measured of {aid.replace('_', ' ')}, over its sigma: within 3."
     layout = plot_layout(260, _TIME, "innovation / sigma")
-    return Drawing(figure_of(traces, layout), escape(text), text)
+    return Drawing(f"innovations of {aid}".replace("_", " "), figure_of(traces, layout), text)
