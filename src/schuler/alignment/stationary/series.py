@@ -73,11 +73,58 @@ the attitude of each dwell (3)."""
 
 
 def _noise(
-    part: GyroSpec | AccelerometerSpec, response: Array, dt: Array, interval: float
+    part: GyroSpec | AccelerometerSpec, response: Array, dt: Array, interval: float, unit: Array
 ) -> Array:
-    """Return the covariance (a, a) of quantities that answer to increments by (a, m)."""
-    found = part_covariance(replace(part, bias=0.0), response.T[:, :, None], dt, interval)
+    """Return the covariance (a, a) of quantities that answer to increments by (a, m).
+
+    `unit` (a, a) is what white noise of unit density makes.
+    """
+    found = part_covariance(replace(part, bias=0.0), response.T[:, :, None], dt, interval, unit)
     return np.asarray(sum(found.values(), np.zeros((len(response), len(response)))))
+
+
+def _of_white_noise(
+    walk: Array, double: Array, short: Array, dt: Array, g: float
+) -> tuple[Array, Array]:
+    """Return what white noise of unit density makes of the responses of `_responses`.
+
+    Of two stretches, the later one answers to what the earlier one sees in full (once summed), or
+    by the time since then (twice summed), so that sums over the earlier one's parts are enough.
+
+    Returns
+    -------
+    (m, m), (2m + 1, 2m + 1) float64
+        Of `walk`; and of `walk`, `g * double` and a last row of ones.
+    """
+    m = len(dt)
+    middle = np.cumsum(short) - 0.5 * short
+    at = middle.reshape(m, -1).mean(axis=1)
+    weighted, doubly = walk * short, double * short
+    once, moment = weighted.sum(axis=1), weighted @ middle
+    twice, moment_of_twice = doubly.sum(axis=1), doubly @ middle
+    # Rows are the earlier stretch, columns the later one; both alike on the diagonal.
+    wander = _both_ways(np.repeat(once[:, None], m, axis=1), np.sum(weighted * walk, axis=1))
+    bend = _both_ways(
+        at * twice[:, None] - moment_of_twice[:, None], np.sum(doubly * double, axis=1)
+    )
+    later = at * once[:, None] - moment[:, None]
+    mixed = np.triu(later, 1) + np.tril(np.repeat(twice[None, :], m, axis=0), -1)
+    mixed[np.diag_indices(m)] = np.sum(weighted * double, axis=1)
+    unit = np.empty((2 * m + 1, 2 * m + 1))
+    unit[:m, :m], unit[m:-1, m:-1] = wander, g * g * bend
+    unit[:m, m:-1], unit[m:-1, :m] = g * mixed, g * mixed.T
+    unit[-1, :m] = unit[:m, -1] = once
+    unit[-1, m:-1] = unit[m:-1, -1] = g * twice
+    unit[-1, -1] = short.sum()
+    return wander, unit
+
+
+def _both_ways(upper: Array, diagonal: Array) -> Array:
+    """Return a symmetric matrix of what stands above the diagonal and on it."""
+    half = np.triu(upper, 1)
+    out = half + half.T
+    out[np.diag_indices(len(out))] = diagonal
+    return np.asarray(out)
 
 
 def turns_from_middle(
@@ -123,18 +170,18 @@ def make_series(
     walk, double, short = _responses(dt)
     # The last row is the attitude at the end, which answers to all increments in full.
     stacked = np.vstack([walk, g * double, np.ones((1, walk.shape[1]))])
+    wander, unit = _of_white_noise(walk, double, short, dt, g)
 
     # What the vehicle's motion and the instrument make of the series.
     d, c, b, a = levels.likely
     change = np.diff(np.eye(m), axis=1, prepend=0.0, append=0.0) / dt[:, None]
-    wander = (walk * short) @ walk.T
     force = d * change @ change.T + np.diag(c / dt) + b * wander
-    gyro = a * (stacked * short) @ stacked.T
+    gyro = a * unit
     if spec is not None:
         # Means over stretches are no better than this, whatever an instrument is said to be.
         force += max(_LEAST_WHITE**2 - spec.accelerometer.white**2, 0.0) * wander
-        force += _noise(spec.accelerometer, walk, short, interval)
-        gyro += _noise(spec.gyro, stacked, short, interval)
+        force += _noise(spec.accelerometer, walk, short, interval, wander)
+        gyro += _noise(spec.gyro, stacked, short, interval, unit)
 
     # Dwells whose attitude is steady enough to say something.
     steady = [d for d in dwells if d[1] - d[0] > 8 and np.abs(turns[d[0] : d[1]]).max() < LARGEST]
