@@ -7,6 +7,7 @@ attitude; both linear in the unknowns of `schuler.alignment.stationary.normal_eq
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -229,13 +230,27 @@ def _responses(dt: Array) -> tuple[Array, Array, Array]:
     (m, k), (m, k), (k,) float64
         Responses, and the lengths of the parts, s.
     """
+    m = len(dt)
     short = np.repeat(dt / PARTS, PARTS)
-    once = np.tril(np.ones((len(short), len(short))), -1) + 0.5 * np.eye(len(short))
-    # once times (the lengths times once), written out: the time between the middles of two parts.
+    # The time between the middles of two parts, by means over the parts of a stretch.
     middle = np.cumsum(short) - 0.5 * short
-    twice = np.maximum(middle[:, None] - middle, 0.0) + np.diag(0.25 * short)
-    shape = (len(dt), PARTS, len(short))
-    return once.reshape(shape).mean(axis=1), twice.reshape(shape).mean(axis=1), short
+    parts = middle.reshape(m, PARTS)
+    twice = np.maximum(parts.mean(axis=1)[:, None] - middle, 0.0)
+    inside = np.maximum(parts[:, :, None] - parts[:, None, :], 0.0)
+    inside += 0.25 * (dt / PARTS)[:, None, None] * np.eye(PARTS)
+    own = np.arange(m)
+    twice.reshape(m, m, PARTS)[own, own] = inside.mean(axis=1)
+    return _once_summed(m), twice, short
+
+
+@lru_cache(maxsize=8)
+def _once_summed(m: int) -> Array:
+    """Return how means over m stretches answer to increments of their parts, once summed."""
+    k = m * PARTS
+    once = np.tril(np.ones((k, k)), -1) + 0.5 * np.eye(k)
+    mean = once.reshape(m, PARTS, k).mean(axis=1)
+    mean.flags.writeable = False
+    return np.asarray(mean)
 
 
 def _carried(once: Array, steps: Array) -> Array:
