@@ -25,6 +25,7 @@ from schuler.alignment.stationary.normal_equations import NormalEquations
 from schuler.alignment.stationary.optimal import OptimalAlignment
 from schuler.constants import ARCSEC, DEG, DEG_PER_HOUR, EARTH_RATE, MICRO_G
 from schuler.earth import Site
+from schuler.estimate.chi_square import chi_square_tail
 from schuler.record import Summary
 from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
 
@@ -215,10 +216,8 @@ class _Observable:
 
     def probability(self, prior: float) -> float:
         """Return how likely chance makes as large a chi-square."""
-        from scipy.special import chdtrc
-
         k = len(self.value)
-        return float(chdtrc(k, self.statistic(prior))) if k else 1.0
+        return chi_square_tail(k, self.statistic(prior)) if k else 1.0
 
     def likely(self) -> float:
         """Return twice the 1-sigma of a bias that makes the values likeliest.
