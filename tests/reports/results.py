@@ -59,6 +59,14 @@ def moving() -> Any:
     return sc.align(record, aiding=gnss, spec="tactical-fog")
 
 
+def moving_windows() -> Any:
+    from schuler.alignment import align_moving_windows
+    from tests.alignment.moving.test_align import drive
+
+    _, record, gnss = drive()
+    return align_moving_windows(record, gnss, 25.0, spec="tactical-fog")
+
+
 def transfer() -> Any:
     from tests.alignment.transfer.test_transfer import aligned
 
@@ -211,6 +219,7 @@ def array() -> Any:
 MAKERS: dict[str, Callable[[], Any]] = {
     "Alignment": lambda: sc.align(rest().record, SITE, spec=FOG),
     "MovingAlignment": moving,
+    "MovingWindows": moving_windows,
     "TransferAlignment": transfer,
     "Windows": lambda: sc.align_windows(rest().record, SITE, 30.0, spec=FOG),
     "LatitudeFix": latitude_fix,

@@ -62,6 +62,9 @@ _WRONG = 2.0
 _BEYOND = 6.0
 """Prior sigmas beyond which an estimate of the instrument contradicts its specification."""
 
+_GROSS = 0.3
+"""Scale factor or misalignment from which on it is another unit or axis."""
+
 _REFUSED = 0.3
 """Share of refused measurements that contradicts."""
 
@@ -294,7 +297,9 @@ def _result(
             f"innovations are {np.sqrt(square):.2g} times their sigma: the instrument's noise, the "
             "delay, the lever arm or the axes are not what they are said to be"
         )
-    contradictions += _beyond_prior(prepared, rough, found)
+    beyond, unusual = _beyond_prior(prepared, rough, found)
+    contradictions += beyond
+    warnings += unusual
     if found.moved > 1.0:
         contradictions.append(
             f"after {found.passes} passes the start still moves by {found.moved:.2g} sigma"
@@ -325,33 +330,55 @@ def _result(
         restamped=taken.restamped,
         epochs=found.filter.history(),
         innovations={aid.label: found.filter.innovations(aid.label) for aid in measured},
+        smoothed_heading=found.smoothed_heading,
     )  # fmt: skip
     contradicted = fix.contradicted(contradictions)
     assert isinstance(contradicted, MovingAlignment)
     return contradicted
 
 
-def _beyond_prior(prepared: _Prepared, rough: CoarseAlignment, found: FineAlignment) -> list[str]:
-    """Return sentences on the sensors' errors that are not what the specification says.
+def _beyond_prior(
+    prepared: _Prepared, rough: CoarseAlignment, found: FineAlignment
+) -> tuple[list[str], list[str]]:
+    """Return contradictions and warnings of sensors' errors that are not what was specified.
 
-    A wrong unit hides in a scale factor, wrong axes in a misalignment.
+    A wrong unit hides in a scale factor, wrong axes in a misalignment: these are large. A smaller
+    one beyond the specification, as vibration makes, says little of the attitude. What bias and
+    scale of an accelerometer add up to at the mean force is seen far better than either.
     """
     layout = found.start.layout
-    size = np.abs(difference(layout, found.start.nominal, prepared.nominal(rough)))
-    size = size / prior_sigma(layout, prepared.spec, prepared.aids)
-    out = []
-    for group in layout:
-        if not group.startswith(("gyro_", "accelerometer_")):
-            continue
-        worst = float(np.max(size[layout[group]]))
+    off = difference(layout, found.start.nominal, prepared.nominal(rough))
+    prior = prior_sigma(layout, prepared.spec, prepared.aids)
+    name = prepared.spec.name
+    contradictions, warnings = [], []
+    for sensor in ("gyro", "accelerometer"):
+        level = f"{sensor}_bias"
+        size, sigma = off[layout[level]], prior[layout[level]]
+        group = f"{sensor}_matrix"
+        if group in layout:
+            place = layout[group]
+            matrix, spread = off[place].reshape(3, 3), prior[place].reshape(3, 3)
+            if sensor == "accelerometer":
+                mean = prepared.record.dvel.sum(axis=0) / prepared.record.duration
+                size, sigma = size + matrix @ mean, np.hypot(sigma, np.abs(spread @ mean))
+            beyond = np.abs(matrix) / np.maximum(spread, 1e-300)
+            worst = float(beyond.max())
+            if worst > _BEYOND:
+                text = (
+                    f"the {sensor}'s scale factor or misalignment is found {worst:.0f} times its "
+                    f"1-sigma of '{name}'"
+                )
+                if np.any((beyond > _BEYOND) & (np.abs(matrix) > _GROSS)):
+                    contradictions.append(f"{text}: units, axes or the specification are wrong")
+                else:
+                    warnings.append(f"{text} ({np.abs(matrix).max():.2g})")
+        worst = float(np.max(np.abs(size) / np.maximum(sigma, 1e-300)))
         if worst > _BEYOND:
-            sensor, _, what = group.partition("_")
-            what = "scale factor or misalignment" if what in ("matrix", "scale") else what
-            out.append(
-                f"the {sensor}'s {what} is found {worst:.0f} times its 1-sigma of "
-                f"'{prepared.spec.name}': units, axes or the specification are wrong"
+            contradictions.append(
+                f"the {sensor}'s bias is found {worst:.0f} times its 1-sigma of '{name}': units, "
+                "axes or the specification are wrong"
             )
-    return out
+    return contradictions, warnings
 
 
 def _bound(

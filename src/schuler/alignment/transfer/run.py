@@ -311,6 +311,7 @@ def _result(
         passes=fine.passes, mean_square=found.square, restamped={},
         epochs=fine.filter.history(),
         innovations={aid.label: fine.filter.innovations(aid.label) for aid in found.measured},
+        smoothed_heading=fine.smoothed_heading,
         mounting=mounting, mounting_covariance=spread, lever=np.asarray(lever, np.float64),
         lever_sigma=np.asarray(lever_sigma), delay=delay, remaining=remaining,
         not_observable=unseen,
