@@ -11,7 +11,7 @@ import click
 from schuler.cli.calibrate_centrifuge import centrifuge
 from schuler.cli.calibrate_dvl import dvl
 from schuler.cli.calibrate_table import rate, sixpos, turntable
-from schuler.cli.command import Group, echo, wants_text
+from schuler.cli.command import Group, add_output, echo, wants_text
 from schuler.cli.common import (
     Look,
     draw,
@@ -63,6 +63,14 @@ def command() -> None:
     metavar="TOML",
     help="Write the calibration for `schuler align`.",
 )
+@click.option(
+    "--export",
+    "exports",
+    type=(click.Choice(["imu_tk", "kalibr", "ros"]), str),
+    metavar="TOOL FILE",
+    multiple=True,
+    help="Write another tool's calibration: imu_tk, kalibr or ros (several times).",
+)
 @json_option()
 @report_option("Draw poses and turns.")
 def poses(**options: Any) -> None:
@@ -81,19 +89,24 @@ def poses(**options: Any) -> None:
 
     files, scale = options.pop("files"), options.pop("gyro_scale")
     out, json_to, report_to = (options.pop(key) for key in ("out", "json_to", "report_to"))
+    exports = options.pop("exports")
+    for tool, path in exports:
+        for ending in (".acc", ".gyro") if tool == "imu_tk" else ("",):
+            add_output("--export", f"{path}{ending}")
     if len(files) > 2:
         raise InputError(f"poses takes one record or two tables, got {len(files)} files")
     given, initial = options.pop("gravity"), options.pop("initial")
     common: dict[str, Any] = {"initial": initial, "name": Path(files[0]).stem}
     warnings: list[str] = []
     finish: Callable[..., None] | None = None
+    axes: list[list[float]] | None = None
     if len(files) == 1:
         if scale is not None:
             raise InputError("--gyro-scale goes with two tables of counts")
         start, stop = options.pop("start"), options.pop("stop")
         source, finish = open_file({**options, "file": files[0]})
         gravity, said = _gravity(given, options, source)
-        record = source.read(start=start, stop=stop)
+        record, axes = source.read(start=start, stop=stop), source.axes.matrix()
         warnings += source.quality.warnings() if source.quality else []
         fit = calibrate_poses(record.time, record.accel, record.gyro, gravity=gravity, **common)
         look = Look(source)
@@ -125,6 +138,12 @@ def poses(**options: Any) -> None:
     fit = replace(fit, gravity_from=said)
     if out is not None:
         fit.calibration.to_toml(out)
+    for tool, path in exports:
+        from schuler.calibration.export import export_calibration
+
+        export_calibration(
+            fit.calibration, tool, path, has_gyros=bool(fit.turn_error.size), axes=axes
+        )
     if json_to is not None:
         emit_json(fit.to_dict(), json_to)
     draw(fit, report_to)

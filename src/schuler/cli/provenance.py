@@ -28,7 +28,7 @@ _BLOCK = 1 << 20
 _EXPANDED = ("--again", "the run", "--mapping")
 
 #: parameters that say where and how to write, not what to find
-_WRITING = ("again", "debug", "save_mapping", "figure_format", "quiet")
+_WRITING = ("again", "exports", "inflate", "debug", "save_mapping", "figure_format", "quiet")
 
 
 def digest(path: str | Path) -> str:
