@@ -204,7 +204,7 @@ def _true_samples(
     motion: Motion, site: Site, n: int, step: float
 ) -> tuple[Array, Array, Array, Array]:
     """Return the true angle and velocity increments (n, 3), velocity and position (n + 1, 3)."""
-    from schuler.kernels.truth import true_increments
+    from schuler.kernels.truth import BLOCK, ROWS, true_increments
 
     state = np.array([site.latitude, site.longitude, site.height, 0.0, 0.0])
     dtheta, dvel = np.empty((n, 3)), np.empty((n, 3))
@@ -216,6 +216,7 @@ def _true_samples(
         angles = np.ascontiguousarray(track.angles).reshape(b - a + 1, 3 * frames, 3)
         true_increments(
             state, step, np.ascontiguousarray(track.path), angles, track.levers,
-            _NODES, _WEIGHTS, dtheta[a:b], dvel[a:b], pose[a : b + 1],
+            _NODES, _WEIGHTS, np.zeros((3, 6, BLOCK)), np.zeros((3 * frames, 6, BLOCK)),
+            np.zeros((ROWS, BLOCK)), dtheta[a:b], dvel[a:b], pose[a : b + 1],
         )  # fmt: skip
     return dtheta, dvel, pose[:, :3], pose[:, 3:]

@@ -136,7 +136,7 @@ def test_gyros_of_a_moving_base_in_another_unit(factor):
 def test_a_bias_in_any_direction_is_told_or_held_by_sigma():
     """100 records at rest with a bias of 30 times the specified one.
 
-    A test of two values at `DOUBT` that knows their noise misses 2.4 % of them, those whose bias
+    A test of two values at `DOUBT` that knows their noise misses 3 % of them, those whose bias
     points east; once in ten thousand draws of this test it would miss more than are allowed.
     """
     missed = 0
@@ -146,7 +146,7 @@ def test_a_bias_in_any_direction_is_told_or_held_by_sigma():
         bias = 30.0 * spec.gyro.bias * axis / np.linalg.norm(axis)
         fix = align(changed(sim.record, bias=bias), site, spec=spec)
         missed += fix.consistent and abs(off(fix, sim.heading_deg())) > 3.0
-    assert missed <= binom.isf(1e-4, 100, 0.024)
+    assert missed <= binom.isf(1e-4, 100, 0.03)
 
 
 def test_more_bias_than_specified_widens_sigma_before_it_contradicts():

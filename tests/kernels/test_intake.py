@@ -16,13 +16,14 @@ def feed(kind, t, x, nominal=0.01, max_gap=0.065, state=None):
     rows = np.empty((len(t), k.ROW))
     n, code, row = k.check(state, nominal, max_gap, t, x, rows)
     size = len(t) + int(np.minimum(rows[:n, 9], gaps.SHORT).sum())
-    out_t, out_dt, out = np.empty(size), np.empty(size), np.empty((size, 6))
+    out_t, out_dt = np.empty(size), np.empty(size)
+    turn, push = np.empty((size, 3)), np.empty((size, 3))
     m, end = k.integrate(
-        state, np.zeros((gaps.HISTORY, 6)), kind, nominal, rows, 0, n, True, out_t, out_dt, out,
-        np.empty((size + 1, 6)),
+        state, np.zeros((gaps.HISTORY, 6)), kind, nominal, rows, 0, n, True,
+        np.empty(gaps.WORK), out_t, out_dt, turn, push, np.empty((size + 1, 6)),
     )  # fmt: skip
     assert end == n
-    return state, (out_t[:m], out_dt[:m], out[:m]), code, row
+    return state, (out_t[:m], out_dt[:m], np.hstack([turn, push])[:m]), code, row
 
 
 def ramp(n, slope=1.0):

@@ -47,7 +47,7 @@ def limits() -> Any:
 
 def path_limits() -> Any:
     from schuler.alignment import PlannedAid, path_table
-    from tests.alignment.moving.test_coarse import simulated
+    from tests.in_motion.test_coarse import simulated
 
     truth = simulated("car", 60.0).truth
     return path_table(truth, "tactical-fog", [PlannedAid.parse("gnss=0.1m/s,3m@1Hz")], [30.0, 59.0])
@@ -58,6 +58,14 @@ def moving() -> Any:
 
     _, record, gnss = drive()
     return sc.align(record, aiding=gnss, spec="tactical-fog")
+
+
+def moving_windows() -> Any:
+    from schuler.alignment import align_moving_windows
+    from tests.alignment.moving.test_align import drive
+
+    _, record, gnss = drive()
+    return align_moving_windows(record, gnss, 25.0, spec="tactical-fog")
 
 
 def transfer() -> Any:
@@ -222,6 +230,7 @@ def overview() -> Any:
 MAKERS: dict[str, Callable[[], Any]] = {
     "Alignment": lambda: sc.align(rest().record, SITE, spec=FOG),
     "MovingAlignment": moving,
+    "MovingWindows": moving_windows,
     "TransferAlignment": transfer,
     "Windows": lambda: sc.align_windows(rest().record, SITE, 30.0, spec=FOG),
     "LatitudeFix": latitude_fix,

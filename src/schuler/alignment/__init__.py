@@ -24,6 +24,7 @@ from schuler.alignment.moving.manoeuvres import VEHICLES, DrivePlan, plan_drive
 from schuler.alignment.moving.path_bound import PathLimit, limit_on, planned_fixes, record_on
 from schuler.alignment.moving.planned import PathTable, PlannedAid, path_table
 from schuler.alignment.moving.result import MovingAlignment
+from schuler.alignment.moving.windows import MovingWindows, align_moving_windows
 from schuler.alignment.next_position import Fixture, Suggestion, suggest_position
 from schuler.alignment.result import Alignment
 from schuler.alignment.run import align
@@ -61,6 +62,7 @@ __all__ = [
     "LiveSession",
     "Method",
     "MovingAlignment",
+    "MovingWindows",
     "PathLimit",
     "PathTable",
     "PlannedAid",
@@ -71,6 +73,7 @@ __all__ = [
     "Suggestion",
     "Windows",
     "align",
+    "align_moving_windows",
     "align_windows",
     "align_without_latitude",
     "analytic_error",

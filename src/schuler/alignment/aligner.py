@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from copy import copy
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ from schuler.constants import ARCMIN
 from schuler.earth import Site
 from schuler.errors import InputError, expect
 from schuler.kernels.states import TrackerState
-from schuler.record import ImuRecord, Reading, Summariser
+from schuler.record import ImuRecord, Reading, Summariser, Summary
 from schuler.sensors import ImuSpec, SensorArray, load_array, load_spec
 
 __all__ = ["HOW_RECORD", "Aligner"]
@@ -48,6 +49,14 @@ _NO_BIAS = (
     "heading repeats while the bias stays, not how far it is from north (allan --save-spec takes "
     "--gyro-bias)"
 )
+
+
+@dataclass(eq=False)
+class _Pass:
+    """What comes of the samples whatever the method is, kept until more of them come."""
+
+    sums: tuple[History, Summary] | None = None
+    filtered: Aligner | None = None
 
 
 class Aligner:
@@ -114,6 +123,13 @@ class Aligner:
         self._held: list[ImuRecord] = []
         self._name = "record"
         self._quality: list[str] = []
+        self._pass = _Pass()
+
+    def fresh(self) -> Aligner:
+        """Return an aligner that was made alike and has taken nothing."""
+        return Aligner(
+            self.site, self.method, self.spec, at=self.at, array=self.array, reading=self.reading
+        )
 
     @property
     def samples(self) -> int:
@@ -133,6 +149,7 @@ class Aligner:
         expect(chunk, ImuRecord, "record", HOW_RECORD)
         if not len(chunk):
             return self
+        self._pass = _Pass()
         if self.array is not None:
             chunk = self.array.fuse(chunk)
         if chunk.dtheta.shape[1] != 3 or chunk.dvel.shape[1] != 3:
@@ -212,6 +229,7 @@ class Aligner:
         self._subsamples, self._flags = int(setting[0]), (float(setting[1]), float(setting[2]))
         self._name = name
         self._summariser.restore(arrays)
+        self._pass = _Pass()
 
     def history(self) -> History:
         """Return the pass so far, with the samples that wait for a full update worked in."""
@@ -248,16 +266,48 @@ class Aligner:
             )
         )  # fmt: skip
 
-    def _prefiltered(self) -> Alignment:
-        """Filter what is held, and align the result as a record of its own."""
-        assert self.method.prefilter is not None
-        record = ImuRecord.concatenate(self._held, quality=self._held[-1].quality)
-        plain = Aligner(
-            self.site, self.method.with_prefilter(None), self.spec, at=self.at,
-            reading=self.reading,
+    def prepared(self) -> Aligner:
+        """Filter and track what has been taken, so that a solution only has to solve; return self.
+
+        Raises
+        ------
+        InputError
+            If there are no samples, or the prefilter refuses them.
+        """
+        if not self.samples:
+            raise InputError("the record has no samples to align")
+        if self.method.prefilter is None:
+            if self._pass.sums is None:
+                self._pass.sums = self.history(), self._summariser.summary()
+        elif self._pass.filtered is None:
+            record = ImuRecord.concatenate(self._held, quality=self._held[-1].quality)
+            plain = Aligner(
+                self.site, self.method.with_prefilter(None), self.spec, at=self.at,
+                reading=self.reading,
+            )  # fmt: skip
+            plain.update(self.method.prefilter.at(self.site.gravity)(record))
+            self._pass.filtered = plain.prepared()
+        return self
+
+    def shares_pass(self, method: Method) -> bool:
+        """Say whether another method needs of the samples what this one's does."""
+        own = self.method
+        return (method.prefilter, method.wanted_subsamples, method.needs) == (
+            own.prefilter, own.wanted_subsamples, own.needs
         )  # fmt: skip
-        fix = plain.update(self.method.prefilter.at(self.site.gravity)(record)).solution()
-        return replace(fix, method=fix.method.with_prefilter(self.method.prefilter))
+
+    def solution_by(self, method: Method, at: str) -> Alignment:
+        """Return the alignment of the same samples by another method (`shares_pass`).
+
+        Raises
+        ------
+        InputError
+            See `solution`.
+        """
+        assert self.shares_pass(method)
+        other = copy(self)
+        other.method, other.at = method, at
+        return other.solution()
 
     def solution(self) -> Alignment:
         """Return the alignment of all that has been taken.
@@ -268,12 +318,14 @@ class Aligner:
             If there are too few samples, the vectors do not fix an attitude, or the force is not
             gravity by far (a wrong unit, named).
         """
-        if not self.samples:
-            raise InputError("the record has no samples to align")
-        if self.method.prefilter is not None:
-            return self._prefiltered()
-        h = self.history()
-        summary = self._summariser.summary()
+        self.prepared()
+        prefilter = self.method.prefilter
+        if prefilter is not None:
+            assert self._pass.filtered is not None
+            fix = self._pass.filtered.solution_by(self.method.with_prefilter(None), self.at)
+            return replace(fix, method=fix.method.with_prefilter(prefilter))
+        assert self._pass.sums is not None
+        h, summary = self._pass.sums
         gyro_bias = self.spec.gyro.bias if self.spec else 0.0
         hints = summary.hints(self.site, gyro_bias, self.reading)
         ratio = summary.steady_force(self.site.gravity) / self.site.gravity

@@ -11,18 +11,19 @@ from typing import Any
 import numpy as np
 
 from schuler._result import Result, table_of_rows
-from schuler.alignment.convergence import convergence
+from schuler.alignment.aligner import Aligner
+from schuler.alignment.convergence import heading_history
+from schuler.alignment.method import Method
 from schuler.alignment.methods import (
     METHODS,
     parse_method,
 )
 from schuler.alignment.result import Alignment
-from schuler.alignment.run import align
-from schuler.alignment.windows import align_windows
+from schuler.alignment.windows import spread_arcmin, track_windows
 from schuler.earth import Site
 from schuler.errors import InputError, SchulerError
 from schuler.prefilter import PREFILTERS, parse_prefilter
-from schuler.record import ImuRecord
+from schuler.record import ImuRecord, without_spikes
 from schuler.sensors import ImuSpec, load_spec
 
 __all__ = ["DEFAULT_PAIRS", "Comparison", "Row", "compare", "settle_time"]
@@ -146,12 +147,12 @@ class Comparison(Result):
 
 def settle_time(fix: Alignment, points: int = 100) -> float | None:
     """Return when the heading has come within three sigmas of the end to stay, s; None if never."""
-    c = convergence(fix, points)
-    off = np.abs(c.heading_deg - c.heading_deg[-1]) * 60.0 > SETTLED * c.sigma_arcmin[-1]
+    t, heading, sigma = heading_history(fix, points)
+    off = np.abs(heading - heading[-1]) * 60.0 > SETTLED * sigma
     if not np.any(off):
-        return float(c.t[0])
+        return float(t[0])
     last = int(np.flatnonzero(off)[-1])
-    return None if last + 1 >= len(c.t) else float(c.t[last + 1])
+    return None if last + 1 >= len(t) else float(t[last + 1])
 
 
 def compare(
@@ -184,42 +185,87 @@ def compare(
         For an unknown name.
     """
     spec = load_spec(spec)
-    todo = [(parse_method(m), parse_prefilter(p), m, p) for m, p in pairs]
     if window is None:
         window = max(60.0, record.duration / 10.0)
     repeat = window if record.duration >= 3.0 * window else None
-    limit: float | None = None
-    rows = []
-    contradictions: tuple[str, ...] = ()
-    for method, prefilter, name, filter_name in todo:
+    if record.quality is None:
+        record, _ = without_spikes(record)
+    methods = [parse_method(m).with_prefilter(parse_prefilter(p)) for m, p in pairs]
+    rows: dict[int, Row] = {}
+    fixes: dict[int, Alignment] = {}
+    left = list(range(len(methods)))
+    while left:
+        # All that filter and track the record alike share one pass over it.
+        first = Aligner(site, methods[left[0]], spec)
+        group = [k for k in left if first.shares_pass(methods[k])]
+        left = [k for k in left if k not in group]
+        _compare_group(
+            record, first, repeat, {k: methods[k] for k in group}, pairs, progress, rows, fixes
+        )
+    limits = [
+        float(fix.limit_arcmin[2])
+        for k, fix in fixes.items()
+        if fix.limit_arcmin is not None and methods[k].prefilter is None
+    ]
+    contradictions = next(
+        (fixes[k].contradictions for k in sorted(fixes) if fixes[k].contradictions), ()
+    )
+    # A record quieter than its specification has the lower bound.
+    return Comparison(
+        record.name, record.duration, repeat, min(limits, default=None),
+        tuple(rows[k] for k in range(len(methods))), contradictions,
+    )  # fmt: skip
+
+
+def _compare_group(
+    record: ImuRecord, whole: Aligner, repeat: float | None, methods: dict[int, Method],
+    pairs: Sequence[tuple[str, str]], progress: Callable[[str], None] | None,
+    rows: dict[int, Row], fixes: dict[int, Alignment],
+) -> None:  # fmt: skip
+    """Fill the rows and alignments of methods that share a pass over the record."""
+
+    def say(k: int) -> None:
         if progress is not None:
-            progress(f"{name}, {filter_name}" if filter_name != "none" else name)
-        method = method.with_prefilter(prefilter)
+            progress(", ".join(name for name in pairs[k] if name != "none"))
+
+    say(min(methods))
+    begin = time.perf_counter()
+    error = ""
+    windows: list[Aligner] = []
+    try:
+        whole.update(record).prepared()
+    except SchulerError as refused:
+        error = str(refused)
+    shared = time.perf_counter() - begin
+    if repeat is not None and not error:
+        windows = list(track_windows(record, repeat, None, whole))
+    for k, method in methods.items():
+        name, filter_name = pairs[k]
+        if k > min(methods):
+            say(k)
         begin = time.perf_counter()
         try:
-            fix = align(record, site, method, spec)
-        except SchulerError as error:
-            rows.append(
-                Row(name, filter_name, None, None, None, None, time.perf_counter() - begin,
-                    str(error))
-            )  # fmt: skip
+            if error:
+                raise InputError(error)
+            fix = whole.solution_by(method, "end")
+        except SchulerError as refused:
+            seconds = shared + time.perf_counter() - begin
+            rows[k] = Row(name, filter_name, None, None, None, None, seconds, str(refused))
             continue
-        seconds = time.perf_counter() - begin
-        contradictions = contradictions or fix.contradictions
-        if fix.limit_arcmin is not None and prefilter is None:
-            # A record quieter than its specification has the lower one.
-            here = float(fix.limit_arcmin[2])
-            limit = here if limit is None else min(limit, here)
-        std = None
-        if repeat is not None:
-            try:
-                # Windows are judged by the heading at their start: the vehicle may have moved.
-                at = "end" if name in ("gyrocompass", "kalman-large") else "start"
-                std = align_windows(record, site, repeat, method, spec, at=at).std_heading_arcmin
-            except InputError:
-                std = None
-        rows.append(
-            Row(name, filter_name, fix.heading_deg, float(fix.sigma_arcmin[2]), settle_time(fix),
-                std, seconds, f"chose {fix.method}" if name == "auto" else "", fix.consistent)
+        seconds = shared + time.perf_counter() - begin
+        fixes[k] = fix
+        # Windows are judged by the heading at their start: the vehicle may have moved.
+        at = "end" if name in ("gyrocompass", "kalman-large") else "start"
+        rows[k] = Row(
+            name, filter_name, fix.heading_deg, float(fix.sigma_arcmin[2]), settle_time(fix),
+            _spread(windows, method, at), seconds, f"chose {fix.method}" if name == "auto" else "",
+            fix.consistent,
         )  # fmt: skip
-    return Comparison(record.name, record.duration, repeat, limit, tuple(rows), contradictions)
+
+
+def _spread(windows: list[Aligner], method: Method, at: str) -> float | None:
+    """Return the standard deviation of the windows' headings, arcmin, or None without one."""
+    try:
+        return spread_arcmin([window.solution_by(method, at).heading_deg for window in windows])
+    except InputError:
+        return None

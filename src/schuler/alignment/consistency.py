@@ -25,6 +25,7 @@ from schuler.alignment.stationary.normal_equations import NormalEquations
 from schuler.alignment.stationary.optimal import OptimalAlignment
 from schuler.constants import ARCSEC, DEG, DEG_PER_HOUR, EARTH_RATE, MICRO_G
 from schuler.earth import Site
+from schuler.estimate.chi_square import chi_square_tail
 from schuler.record import Summary
 from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
 
@@ -44,10 +45,10 @@ Array = NDArray[np.float64]
 FALSE_ALARM = 3e-4
 """Probability that a test of a good record contradicts it."""
 
-DOUBT = 0.01
+DOUBT = 0.003
 """Chance of the gyro bias that a record shows below which sigma holds more than the specified one.
 
-Between it and `FALSE_ALARM` nothing is contradicted: of 100 good records one gets a larger sigma.
+Between it and `FALSE_ALARM` nothing is contradicted; three good records in 1,000 come below it.
 """
 
 _LEAST_DEFLECTION = 0.1 * ARCSEC
@@ -215,10 +216,8 @@ class _Observable:
 
     def probability(self, prior: float) -> float:
         """Return how likely chance makes as large a chi-square."""
-        from scipy.special import chdtrc
-
         k = len(self.value)
-        return float(chdtrc(k, self.statistic(prior))) if k else 1.0
+        return chi_square_tail(k, self.statistic(prior)) if k else 1.0
 
     def likely(self) -> float:
         """Return twice the 1-sigma of a bias that makes the values likeliest.

@@ -17,7 +17,7 @@ from schuler.constants import ARCMIN, DEG
 from schuler.errors import InputError
 from schuler.record import ImuRecord
 
-__all__ = ["Convergence", "convergence"]
+__all__ = ["Convergence", "convergence", "heading_history"]
 
 Array = NDArray[np.float64]
 
@@ -50,14 +50,12 @@ def convergence(fix: Alignment, points: int = 60) -> Convergence:
     """
     if fix.filter_history is not None:
         return _of_filter(fix, fix.filter_history, points)
-    h, method = fix.history, fix.method.with_prefilter(None)
-    wanted = np.geomspace(0.01 * h.duration, h.duration, points)
-    rows = np.unique(np.clip(np.searchsorted(h.t, wanted - 1e-9), MINIMUM_ROWS, len(h) - 1))
+    method = fix.method.with_prefilter(None)
     found: list[tuple[float, float, float]] = []
-    for row in rows:
-        part = h.until(int(row))
+    for problem in _ever_longer(fix, points):
+        part = problem.history
         try:
-            e = method.solve(Problem(part, fix.site, fix.spec, fix.at == "end", None, _no_samples))
+            e = method.solve(problem)
         except InputError:
             # The first instants may not fix an attitude yet; the curve starts where they do.
             continue
@@ -69,6 +67,45 @@ def convergence(fix: Alignment, points: int = 60) -> Convergence:
     # Unwrap towards the final value, which is the one in [0, 360).
     heading = heading[-1] + (heading - heading[-1] + 180.0) % 360.0 - 180.0
     return Convergence(t, heading, sigma_arcmin)
+
+
+def heading_history(fix: Alignment, points: int = 60) -> tuple[Array, Array, float]:
+    """Return time used (k,), s, heading (k,), deg, and the last one's 1-sigma, arcmin.
+
+    As `convergence` has them, without the other uncertainties, which cost more than the headings.
+    """
+    if fix.filter_history is not None:
+        c = _of_filter(fix, fix.filter_history, points)
+        return c.t, c.heading_deg, float(c.sigma_arcmin[-1])
+    method = fix.method.with_prefilter(None)
+    found: list[tuple[float, float]] = []
+    problems = _ever_longer(fix, points)
+    for problem in problems:
+        try:
+            attitude = method.attitude(problem)
+        except InputError:
+            continue
+        psi = quat_to_euler(nearest_quat(attitude))[0]
+        found.append((problem.history.duration, float(psi_to_heading(psi)) / DEG))
+    covariance = method.solve(problems[-1]).covariance + deflection_covariance(fix.site)
+    t, heading = (np.array(c) for c in zip(*found, strict=True))
+    heading = heading[-1] + (heading - heading[-1] + 180.0) % 360.0 - 180.0
+    return t, heading, float(np.sqrt(covariance[2, 2])) / ARCMIN
+
+
+def _ever_longer(fix: Alignment, points: int) -> list[Problem]:
+    """Return the problems of ever longer parts of the record, the last of the whole."""
+    h = fix.history
+    wanted = np.geomspace(0.01 * h.duration, h.duration, points)
+    rows = np.unique(np.clip(np.searchsorted(h.t, wanted - 1e-9), MINIMUM_ROWS, len(h) - 1))
+    at_end = fix.at == "end"
+    return [
+        Problem(
+            h if row == len(h) - 1 else h.until(int(row)), fix.site, fix.spec, at_end, None,
+            _no_samples,
+        )
+        for row in rows
+    ]  # fmt: skip
 
 
 def _no_samples() -> ImuRecord:

@@ -35,7 +35,10 @@ from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.sensors import ImuSpec
 
-__all__ = ["QUIET", "analytic_estimate", "chosen_estimate", "inertial_estimate"]
+__all__ = [
+    "QUIET", "analytic_estimate", "chosen_estimate", "inertial_attitude", "inertial_estimate",
+    "mean_solution",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -91,6 +94,24 @@ def inertial_estimate(method: Inertial, problem: Problem) -> Estimate:
     return _inertial(method, problem, *_believed(problem.history, problem.site, problem.spec), None)
 
 
+def inertial_attitude(method: Inertial, problem: Problem) -> Array:
+    """Return the attitude in the inertial frame, mat_nb (3, 3), without its covariance."""
+    if method.estimator == "optimal":
+        return inertial_estimate(method, problem).attitude
+    _check_length(problem.history)
+    site = problem.site
+    r = solve(problem.history, site.gravity, site.latitude, method.estimator)
+    return _attitude(problem, r)
+
+
+def _attitude(problem: Problem, r: Array) -> Array:
+    """Return the attitude mat_nb (3, 3) at the wanted instant for R = C_ib0^i0."""
+    h = problem.history
+    tracked = quat_to_matrix(h.quat[-1]) if problem.at_end else np.eye(3)
+    when = h.duration if problem.at_end else 0.0
+    return np.asarray(inertial_to_local(when, problem.site.latitude) @ r @ tracked)
+
+
 def _inertial(
     method: Inertial, problem: Problem, left: Residual, ratio: float | None, spec: ImuSpec | None,
     best: OptimalAlignment | None,
@@ -118,10 +139,8 @@ def _inertial(
         r = solve(h, site.gravity, site.latitude, method.estimator)
         levels = disturbance_levels(left, site.gravity, spec)
         responses = inertial_responses(h, r, site.gravity, site.latitude, method.estimator, at_end)
-    tracked = quat_to_matrix(h.quat[-1]) if at_end else np.eye(3)
-    when = h.duration if at_end else 0.0
-    attitude = inertial_to_local(when, site.latitude) @ r @ tracked
-    c = inertial_to_local(when, site.latitude)
+    attitude = _attitude(problem, r)
+    c = inertial_to_local(h.duration if at_end else 0.0, site.latitude)
     disturbance = inertial_disturbance(left, levels, responses, site) + c @ sway @ c.T
     budget = _budget(h, responses, spec)
     budget["disturbance"] = disturbance
@@ -131,14 +150,18 @@ def _inertial(
     )  # fmt: skip
 
 
+def mean_solution(method: Analytic, problem: Problem) -> tuple[Array, float]:
+    """Return the attitude from mean force and mean rate, mat_nb (3, 3), and its error, rad."""
+    h = problem.history
+    _check_length(h)
+    angle, velocity = h.increments()
+    return analytic_attitude(angle / h.duration, velocity / h.duration, problem.site, method.base)
+
+
 def analytic_estimate(method: Analytic, problem: Problem) -> Estimate:
     """Return the attitude from mean force and mean rate and its covariance by source."""
     h, site, spec = problem.history, problem.site, problem.spec
-    _check_length(h)
-    angle, velocity = h.increments()
-    attitude, orthonormality = analytic_attitude(
-        angle / h.duration, velocity / h.duration, site, method.base
-    )
+    attitude, orthonormality = mean_solution(method, problem)
     responses = analytic_responses(h, attitude, site.gravity, site.earth_rate, method.base)
     budget = _budget(h, responses, spec)
     budget["disturbance"] = analytic_disturbance(h, attitude, responses)

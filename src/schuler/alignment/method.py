@@ -80,6 +80,16 @@ class Method(ABC):
             If the problem fixes no attitude.
         """
 
+    def attitude(self, problem: Problem) -> Array:
+        """Return the attitude alone, mat_nb (3, 3); a method may know a shorter way to it.
+
+        Raises
+        ------
+        InputError
+            As `solve`.
+        """
+        return self.solve(problem).attitude
+
     @property
     def wanted_subsamples(self) -> int | None:
         """Samples to one coning and sculling update; None leaves it to the sampling rate."""

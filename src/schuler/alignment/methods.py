@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from schuler._options import Registry
 from schuler.alignment.method import Estimate, Method, Problem
 from schuler.errors import InputError
@@ -19,6 +22,8 @@ __all__ = [
     "KalmanAlignment",
     "parse_method",
 ]
+
+Array = NDArray[np.float64]
 
 ESTIMATORS = (
     "centred", "optimal", "wahba", "integral-triad", "instants-triad", "position-triad",
@@ -66,6 +71,12 @@ class Inertial(Method):
 
         return inertial_estimate(self, problem)
 
+    def attitude(self, problem: Problem) -> Array:
+        """See `Method.attitude`."""
+        from schuler.alignment.estimate import inertial_attitude
+
+        return inertial_attitude(self, problem)
+
 
 @dataclass(frozen=True)
 class Analytic(Method):
@@ -90,6 +101,12 @@ class Analytic(Method):
         from schuler.alignment.estimate import analytic_estimate
 
         return analytic_estimate(self, problem)
+
+    def attitude(self, problem: Problem) -> Array:
+        """See `Method.attitude`."""
+        from schuler.alignment.estimate import mean_solution
+
+        return mean_solution(self, problem)[0]
 
 
 @dataclass(frozen=True)

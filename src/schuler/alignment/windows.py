@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,10 @@ from schuler.errors import InputError, expect
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec, load_spec
 
-__all__ = ["Windows", "align_windows"]
+__all__ = ["Windows", "align_windows", "spread_arcmin", "track_windows"]
+
+_KEPT = 256
+"""Stretches of a window's history that are kept with its alignment."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,17 +47,12 @@ class Windows(Result):
     @property
     def mean_heading_deg(self) -> float:
         """Circular mean of the headings, deg in [0, 360)."""
-        a = np.array([w.heading_deg for w in self.each]) * DEG
-        return float(np.degrees(np.arctan2(np.sin(a).sum(), np.cos(a).sum())) % 360.0)
+        return _mean_deg([w.heading_deg for w in self.each])
 
     @property
     def std_heading_arcmin(self) -> float | None:
         """Sample standard deviation of the headings, arcmin; None for a single window."""
-        if len(self.each) < 2:
-            return None
-        off = np.array([w.heading_deg for w in self.each]) - self.mean_heading_deg
-        off = (off + 180.0) % 360.0 - 180.0
-        return float(np.sqrt(np.sum(off**2) / (len(off) - 1))) * 60.0
+        return spread_arcmin([w.heading_deg for w in self.each])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the whole span's result with the windows' keys added."""
@@ -88,6 +86,21 @@ class Windows(Result):
         )
 
 
+def _mean_deg(headings: list[float]) -> float:
+    """Return the circular mean, deg in [0, 360)."""
+    a = np.array(headings) * DEG
+    return float(np.degrees(np.arctan2(np.sin(a).sum(), np.cos(a).sum())) % 360.0)
+
+
+def spread_arcmin(headings: list[float]) -> float | None:
+    """Return the sample standard deviation of headings (deg), arcmin; None for fewer than two."""
+    if len(headings) < 2:
+        return None
+    off = np.array(headings) - _mean_deg(headings)
+    off = (off + 180.0) % 360.0 - 180.0
+    return float(np.sqrt(np.sum(off**2) / (len(off) - 1))) * 60.0
+
+
 def align_windows(
     source: ImuRecord | Iterable[ImuRecord],
     site: Site,
@@ -113,13 +126,43 @@ def align_windows(
     InputError
         If no window is full, or as `align`.
     """
+    spec = load_spec(spec)
+    whole = Aligner(site, method, spec, at=at)
+    passes = track_windows(source, length, whole, Aligner(site, method, spec, at=at))
+    each = tuple(_slim(window.solution()) for window in passes)
+    return Windows(whole.solution(), float(length), each)
+
+
+def _slim(fix: Alignment) -> Alignment:
+    """Return an alignment with fewer instants of its history: there may be thousands of windows."""
+    return fix if fix.history is None else replace(fix, history=fix.history.thin(_KEPT)[0])
+
+
+def track_windows(
+    source: ImuRecord | Iterable[ImuRecord], length: float, whole: Aligner | None, window: Aligner
+) -> Iterator[Aligner]:
+    """Give an aligner that has taken its samples for each full window, in order.
+
+    Parameters
+    ----------
+    source : ImuRecord or iterable of ImuRecord
+    length : float
+        s.
+    whole : Aligner or None
+        Takes all samples on the way.
+    window : Aligner
+        Of which each window has a fresh copy; it has taken nothing.
+
+    Raises
+    ------
+    InputError
+        If no window is full.
+    """
     expect(length, Real, "window", "give its length in seconds")
     if not (np.isfinite(length) and length > 0):
         raise InputError(f"the window must be a positive time, got {length} s")
-    spec = load_spec(spec)
-    whole = Aligner(site, method, spec, at=at)
-    each: list[Alignment] = []
-    current = Aligner(site, method, spec, at=at)
+    found = 0
+    current = window.fresh()
     origin: float | None = None
     interval = 0.0
     end = 0.0
@@ -128,23 +171,24 @@ def align_windows(
             continue
         if origin is None:
             origin, interval = chunk.start, float(chunk.dt[0])
-        whole.update(chunk)
+        if whole is not None:
+            whole.update(chunk)
         end = chunk.end
         low: float | None = None
         while True:
-            edge = origin + (len(each) + 1) * length
+            edge = origin + (found + 1) * length
             piece = chunk.between(low, edge)
             current.update(piece)
             # A window is full when the next sample would lie beyond its edge.
             if chunk.end < edge - 0.5 * interval:
                 break
-            each.append(current.solution())
-            current = Aligner(site, method, spec, at=at)
+            yield current
+            found += 1
+            current = window.fresh()
             low = edge
     if origin is None:
         raise InputError("the record has no samples to align")
-    if not each:
+    if not found:
         raise InputError(
             f"no window is full: the record has {end - origin:.6g} s, a window {length:g} s"
         )
-    return Windows(whole.solution(), float(length), tuple(each))

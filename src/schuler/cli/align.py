@@ -126,13 +126,14 @@ def command(**options: Any) -> int:
     latitude_too, by_master = options.pop("find_latitude"), transfer_taken(options)
     aids = motion_taken(options) if by_master is None else None
     if aids is not None or by_master is not None:
-        if latitude_too or follow or window is not None or name != "auto" or prefilter is not None:
+        if latitude_too or follow or name != "auto" or prefilter is not None:
             raise InputError(
                 "an alignment in motion has a method of its own: leave out --method, --prefilter, "
-                "--windows, --find-latitude and --follow beside --gnss, --odometer, --dvl and "
-                "--master"
+                "--find-latitude and --follow beside --gnss, --odometer, --dvl and --master"
             )
         if by_master is not None:
+            if window is not None:
+                raise InputError("--windows is for --gnss, --odometer and --dvl, not for --master")
             return align_by_master(
                 options, by_master, spec, at, (start, stop), (json_to, report_to),
                 calibration_from, _with_source,
@@ -140,7 +141,7 @@ def command(**options: Any) -> int:
         assert aids is not None
         return align_in_motion(
             options, aids, spec, at, (start, stop), (json_to, report_to), calibration_from,
-            _with_source,
+            _with_source, window,
         )  # fmt: skip
     if latitude_too:
         if follow or window is not None or name != "auto" or prefilter is not None:

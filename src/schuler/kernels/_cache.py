@@ -8,38 +8,36 @@ file is made anew.
 from __future__ import annotations
 
 import hashlib
-import io
 import logging
 import os
 import stat
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator
+from contextlib import suppress
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
-import numba
-from numba.core import config
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from schuler.kernels._machine_code import processor
 
-__all__ = ["CACHE_FOLDER", "attach_cache"]
+__all__ = ["CACHE_FOLDER", "in_words", "read_code", "read_whole", "say_once", "write_code"]
 
 _log = logging.getLogger("schuler")
 _DIGEST = 32
 _said: set[str] = set()
 
 
-def _say_once(kind: str, text: str) -> None:
+def say_once(kind: str, text: str) -> None:
+    """Warn of the cache, once of each kind in a process."""
     if kind not in _said:
         _said.add(kind)
         _log.warning("note: kernel cache: %s", text)
 
 
 def _sources_digest() -> str:
-    """Return a hash of all kernel sources and of the constants that they freeze."""
+    """Return a hash of all kernel sources, the constants that they freeze, and the processor."""
     here = Path(__file__).parent
-    digest = hashlib.sha256(numba.__version__.encode())
+    digest = hashlib.sha256(f"{version('numba')} {sys.version} {processor()}".encode())
     for source in [*sorted(here.glob("*.py")), here.parent / "constants.py"]:
         digest.update(source.name.encode())
         digest.update(source.read_bytes())
@@ -79,7 +77,7 @@ def _folder() -> str | None:
             folder.mkdir(parents=True, exist_ok=True)
             if os.access(folder, os.W_OK | os.X_OK):
                 return str(folder)
-    _say_once(
+    say_once(
         "folder",
         "no folder for it can be written to, so kernels are compiled in each process; "
         "set SCHULER_CACHE_DIR to a folder of yours",
@@ -90,88 +88,59 @@ def _folder() -> str | None:
 CACHE_FOLDER = _folder()
 
 
-class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
-    """Numba's index and data files, each with a digest at its end."""
-
-    @contextmanager
-    def _open_for_write(self, filepath: str) -> Iterator[Any]:
-        with super()._open_for_write(filepath) as file:
-            content = io.BytesIO()
-            yield content
-            data = content.getvalue()
-            file.write(data + hashlib.sha256(data).digest())
-
-    def _load_index(self) -> dict[Any, str]:
-        if not self._whole(self._index_path):
-            return {}
-        index: dict[Any, str] = super()._load_index()
-        return index
-
-    def _load_data(self, name: str) -> Any:
-        if not self._whole(self._data_path(name)):
-            # Numba takes this for a file that is gone, and compiles.
-            raise FileNotFoundError(name)
-        return super()._load_data(name)
-
-    def _whole(self, path: str) -> bool:
-        """Say whether a file is there with its own digest; remove a damaged one."""
-        try:
-            data = Path(path).read_bytes()
-        except FileNotFoundError:
-            return False
-        if hashlib.sha256(data[:-_DIGEST]).digest() == data[-_DIGEST:]:
-            return True
-        _say_once("damaged", f"{path} is damaged; the kernel is compiled again")
-        with suppress(OSError):
-            os.unlink(path)
-        return False
-
-
-class _CheckedCache(FunctionCache):  # type: ignore[misc]
-    """Numba's cache of one function; whatever goes wrong with it, the function is compiled."""
-
-    def __init__(self, py_func: Callable[..., Any]) -> None:
-        super().__init__(py_func)
-        locator = self._impl.locator
-        self._cache_file = _CheckedFile(
-            cache_path=locator.get_cache_path(), filename_base=self._impl.filename_base,
-            source_stamp=locator.get_source_stamp(),
-        )  # fmt: skip
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled function, or None where it must be compiled."""
-        try:
-            return super().load_overload(sig, target_context)
-        except Exception as error:
-            _say_once("read", f"cannot be read ({_words(error)}); kernels are compiled again")
-            with suppress(Exception):
-                self.flush()
-            return None
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep a compiled function, where that is possible."""
-        try:
-            super().save_overload(sig, data)
-        except Exception as error:
-            _say_once(
-                "write", f"cannot be written ({_words(error)}); it is compiled anew next time"
-            )
-
-
-def _words(error: Exception) -> str:
-    return getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
-
-
-def attach_cache(compiled: Any, function: Callable[..., Any]) -> None:
-    """Give a Numba dispatcher its cache in schuler's own folder, if there is one."""
-    if CACHE_FOLDER is None or not hasattr(compiled, "_cache"):
-        return
-    before = config.CACHE_DIR
-    config.CACHE_DIR = CACHE_FOLDER
+def read_whole(path: Path) -> bytes | None:
+    """Return what stands in a file before its digest; None, with the file removed, if damaged."""
     try:
-        compiled._cache = _CheckedCache(function)
-    except Exception as error:
-        # Numba would cache beside the sources instead, where old code can come back.
-        _say_once("folder", f"cannot be used ({_words(error)}); kernels are compiled anew")
-    finally:
-        config.CACHE_DIR = before
+        data = path.read_bytes()
+    except FileNotFoundError:
+        return None
+    if hashlib.sha256(data[:-_DIGEST]).digest() == data[-_DIGEST:]:
+        return data[:-_DIGEST]
+    say_once("damaged", f"{path} is damaged; the kernel is compiled again")
+    with suppress(OSError):
+        path.unlink()
+    return None
+
+
+def read_code(name: str) -> tuple[bytes, bytes] | None:
+    """Return a kernel's description and its machine code, or None where it must be compiled."""
+    if CACHE_FOLDER is None:
+        return None
+    try:
+        data = read_whole(Path(CACHE_FOLDER) / name)
+    except OSError as error:
+        say_once("read", f"cannot be read ({in_words(error)}); kernels are compiled again")
+        return None
+    if data is None:
+        return None
+    header, _, code = data.partition(b"\n")
+    return header, code
+
+
+def write_code(name: str, header: bytes, code: bytes) -> None:
+    """Keep a kernel's description and its machine code, where that is possible."""
+    if CACHE_FOLDER is None:
+        return
+    data = header + b"\n" + code
+    path = Path(CACHE_FOLDER) / name
+    try:
+        _put(path, data + hashlib.sha256(data).digest())
+    except OSError as error:
+        say_once("write", f"cannot be written ({in_words(error)}); it is compiled anew next time")
+
+
+def _put(path: Path, data: bytes) -> None:
+    """Write a file at once: others see all of it, or nothing."""
+    part = path.with_suffix(f".{os.getpid()}.part")
+    try:
+        part.write_bytes(data)
+        part.replace(path)
+    except OSError:
+        with suppress(OSError):
+            part.unlink()
+        raise
+
+
+def in_words(error: Exception) -> str:
+    """Return what an error says."""
+    return getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from schuler.kernels._jit import kernel
+from schuler.kernels._jit import helper, kernel
 
 SHORT = 8
 """Lost rows running that are filled one by one; more are bridged by one sample."""
@@ -28,31 +28,29 @@ _BETTER = 2.0
 """A polynomial's squared error must be so many times smaller: a few trials scatter."""
 
 
-@kernel
-def _weights(side, lost):
-    """Return Lagrange's weights (lost, 2 side) on `side` rows before and after a gap."""
-    nodes = np.empty(2 * side)
+FILLED, _TOTAL, _COST, _NODES = 8, 16, 17, 18
+WORK = (19, 16)
+"""Scratch of `fill`: weights, from row 8 on what is filled (as a row's values), and sums."""
+
+
+@helper
+def _weights(side, lost, work):
+    """Set Lagrange's weights (lost, 2 side) on `side` rows before and after a gap."""
     for a in range(side):
-        nodes[a] = a - side + 1.0
-        nodes[side + a] = lost + 1.0 + a
-    out = np.ones((lost, 2 * side))
+        work[_NODES, a] = a - side + 1.0
+        work[_NODES, side + a] = lost + 1.0 + a
     for k in range(lost):
         for a in range(2 * side):
+            work[k, a] = 1.0
             for b in range(2 * side):
                 if a != b:
-                    out[k, a] *= (k + 1.0 - nodes[b]) / (nodes[a] - nodes[b])
-    return out
+                    node = work[_NODES, b]
+                    work[k, a] *= (k + 1.0 - node) / (work[_NODES, a] - node)
 
 
 @kernel
-def _mean_weights(side, lost):
-    """Return the weights of a mean over `side` rows before and after a gap."""
-    return np.full((lost, 2 * side), 0.5 / side)
-
-
-@kernel
-def fill(history, newest, before, rows, i, after, lost):
-    """Return values (lost, 6) for rows lost before row i.
+def fill(history, newest, before, rows, i, after, lost, work):
+    """Find values for rows lost before row i.
 
     Parameters
     ----------
@@ -65,22 +63,30 @@ def fill(history, newest, before, rows, i, after, lost):
     i, after : int
         The row after the gap, and how many follow without another (it included).
     lost : int
+        `SHORT` at most.
+    work : (19, 16) float64
+        Scratch; rows 8 to 8 + lost are left with the values in columns 2 to 7.
     """
     h = history.shape[0]
-    out = np.empty((lost, 6))
-    sides = np.array([3, 2, min(max(lost, 3), min(before, after))])
-    for way in range(2):
-        # Where rows are wanting, a way is that of fewer.
-        sides[way] = min(sides[way], min(before, after))
     past = min(before, _TRIED)
-    best = np.full(6, np.inf)
+    for j in range(6):
+        work[_COST, j] = np.inf
     for way in range(3):
-        side = sides[way]
-        w = _weights(side, lost) if way < 2 else _mean_weights(side, lost)
-        total = np.zeros(2 * side)
+        # Where rows are wanting, a way is that of fewer.
+        side = min(before, after)
+        if way == 2:
+            side = min(max(lost, 3), side)
+            for k in range(lost):
+                for a in range(2 * side):
+                    work[k, a] = 0.5 / side
+        else:
+            side = min(3 - way, side)
+            _weights(side, lost, work)
+        for a in range(2 * side):
+            work[_TOTAL, a] = 0.0
         for k in range(lost):
             for a in range(2 * side):
-                total[a] += w[k, a]
+                work[_TOTAL, a] += work[k, a]
         trials = past - 2 * side - lost + 1
         for j in range(6):
             cost = 0.0
@@ -89,30 +95,28 @@ def fill(history, newest, before, rows, i, after, lost):
                 base = newest - past + p
                 off = 0.0
                 for a in range(side):
-                    off += total[a] * history[(base + a) % h, j]
-                    off += total[side + a] * history[(base + side + lost + a) % h, j]
+                    off += work[_TOTAL, a] * history[(base + a) % h, j]
+                    off += work[_TOTAL, side + a] * history[(base + side + lost + a) % h, j]
                 for k in range(lost):
                     off -= history[(base + side + k) % h, j]
                 cost += off * off
             cost = cost / trials if trials >= _LEAST else float(way)
             if way < 2:
                 cost *= _BETTER
-            if cost < best[j]:
-                best[j] = cost
+            if cost < work[_COST, j]:
+                work[_COST, j] = cost
                 for k in range(lost):
                     v = 0.0
                     for a in range(side):
-                        v += w[k, a] * history[(newest - side + a) % h, j]
-                        v += w[k, side + a] * rows[i + a, 2 + j]
-                    out[k, j] = v
-    return out
+                        v += work[k, a] * history[(newest - side + a) % h, j]
+                        v += work[k, side + a] * rows[i + a, 2 + j]
+                    work[FILLED + k, 2 + j] = v
 
 
 @kernel
-def bridge(history, newest, before, rows, i, after):
-    """Return the mean (6,) of the rows on both sides of a long gap; parameters as for `fill`."""
+def bridge(history, newest, before, rows, i, after, work):
+    """Find the mean of the rows on both sides of a long gap; parameters as for `fill`."""
     h = history.shape[0]
-    out = np.zeros(6)
     for j in range(6):
         earlier = 0.0
         for a in range(before):
@@ -120,5 +124,4 @@ def bridge(history, newest, before, rows, i, after):
         later = 0.0
         for a in range(after):
             later += rows[i + a, 2 + j]
-        out[j] = 0.5 * (earlier / before + later / after)
-    return out
+        work[FILLED, 2 + j] = 0.5 * (earlier / before + later / after)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from schuler.kernels._jit import helper, kernel
-from schuler.kernels.gaps import HISTORY, SHORT, bridge, fill
+from schuler.kernels.gaps import FILLED, HISTORY, SHORT, bridge, fill
 from schuler.kernels.states import LARGEST, IntakeRow, IntakeState
 
 ROW = IntakeRow.size
@@ -172,8 +172,17 @@ def look(state, rows, begin, end):
         state[60 + j], state[66 + j] = total, squares
 
 
+@helper
+def _store(turn, push, m, j, value):
+    """Write an increment of channel j, 0 to 5."""
+    if j < 3:
+        turn[m, j] = value
+    else:
+        push[m, j - 3] = value
+
+
 @kernel
-def _plain(state, history, kind, m, rows, begin, end, out_t, out_dt, out, values):
+def _plain(state, history, kind, m, rows, begin, end, out_t, out_dt, turn, push, values):
     """Integrate rows without gaps that follow an integrated one; return the number of samples."""
     last, before = state[79], state[4]
     even = state[2] == 1.0
@@ -194,14 +203,14 @@ def _plain(state, history, kind, m, rows, begin, end, out_t, out_dt, out, values
                     s = (5.0 * v + 8.0 * left - left2) / 12.0
                 else:
                     s = 0.5 * (v + left)
-                out[m, j] = s * dt
+                _store(turn, push, m, j, s * dt)
                 values[m + 1, j] = v
         elif kind == MEAN_RATES:
             for j in range(6):
-                out[m, j] = rows[i, 2 + j] * dt
+                _store(turn, push, m, j, rows[i, 2 + j] * dt)
         else:
             for j in range(6):
-                out[m, j] = rows[i, 2 + j]
+                _store(turn, push, m, j, rows[i, 2 + j])
         m += 1
         last, before, even = ti, dt, True
     n = end - begin
@@ -219,8 +228,8 @@ def _plain(state, history, kind, m, rows, begin, end, out_t, out_dt, out, values
 
 
 @helper
-def _put(state, history, kind, m, ti, dt, step, x, r, first, out_t, out_dt, out, values):
-    """Integrate one row of six values, x[r, first] on; return the number of samples.
+def _put(state, history, kind, m, ti, dt, step, x, r, out_t, out_dt, turn, push, values):
+    """Integrate one row of six values, x[r, 2] on; return the number of samples.
 
     Row m + 1 of `values` is filled with what came, row 0 of a record's first with its opening row.
     """
@@ -230,23 +239,24 @@ def _put(state, history, kind, m, ti, dt, step, x, r, first, out_t, out_dt, out,
             # Three points (Adams-Moulton) on an even grid, the trapezoid elsewhere.
             even = state[2] == 1.0 and abs(dt - state[4]) < 0.01 * dt
             for j in range(6):
-                v = x[r, first + j]
+                v = x[r, 2 + j]
                 if even:
                     s = (5.0 * v + 8.0 * state[5 + j] - state[11 + j]) / 12.0
                 else:
                     s = 0.5 * (v + state[5 + j])
-                out[m, j] = s * dt
+                _store(turn, push, m, j, s * dt)
                 values[m + 1, j] = v
             out_t[m] = ti
             out_dt[m] = dt
             m += 1
         else:
             for j in range(6):
-                values[0, j] = x[r, first + j]
+                values[0, j] = x[r, 2 + j]
     else:
         length = dt if step == 0.0 else step
         for j in range(6):
-            out[m, j] = x[r, first + j] * dt if kind == MEAN_RATES else x[r, first + j]
+            value = x[r, 2 + j] * dt if kind == MEAN_RATES else x[r, 2 + j]
+            _store(turn, push, m, j, value)
         out_t[m] = ti
         out_dt[m] = length
         m += 1
@@ -257,8 +267,8 @@ def _put(state, history, kind, m, ti, dt, step, x, r, first, out_t, out_dt, out,
     for j in range(6):
         if started:
             state[11 + j] = state[5 + j]
-        state[5 + j] = x[r, first + j]
-        history[slot, j] = x[r, first + j]
+        state[5 + j] = x[r, 2 + j]
+        history[slot, j] = x[r, 2 + j]
     state[100] += 1.0
     state[78] = 1.0
     state[79] = ti
@@ -266,7 +276,9 @@ def _put(state, history, kind, m, ti, dt, step, x, r, first, out_t, out_dt, out,
 
 
 @kernel
-def integrate(state, history, kind, nominal, rows, begin, end, close, out_t, out_dt, out, values):
+def integrate(
+    state, history, kind, nominal, rows, begin, end, close, work, out_t, out_dt, turn, push, values
+):
     """Turn rows that are checked and screened into increments, gaps filled.
 
     Parameters
@@ -284,8 +296,10 @@ def integrate(state, history, kind, nominal, rows, begin, end, close, out_t, out
         Rows to take.
     close : bool
         Nothing comes after `end`: a gap is filled by what there is.
-    out_t, out_dt, out : (m,), (m,), (m, 6) float64
-        Filled with the samples.
+    work : (19, 16) float64
+        Scratch (`schuler.kernels.gaps.WORK`).
+    out_t, out_dt, turn, push : (m,), (m,), (m, 3), (m, 3) float64
+        Filled with the samples: times, intervals, angle and velocity increments.
     values : (m + 1, 6) float64
         For `RATES`: the values at the samples' ends, after that at the first one's start.
 
@@ -305,7 +319,7 @@ def integrate(state, history, kind, nominal, rows, begin, end, close, out_t, out
             while stop < end and rows[stop, 9] == 0.0:
                 stop += 1
             look(state, rows, i, stop)
-            m = _plain(state, history, kind, m, rows, i, stop, out_t, out_dt, out, values)
+            m = _plain(state, history, kind, m, rows, i, stop, out_t, out_dt, turn, push, values)
             i = stop
             continue
         ti = rows[i, 1]
@@ -325,28 +339,30 @@ def integrate(state, history, kind, nominal, rows, begin, end, close, out_t, out
             span = rows[i, 10]
             if lost <= SHORT:
                 part = dt / (lost + 1.0)
-                filled = fill(history, newest, before, rows, i, after, lost)
-                if kind == INCREMENTS:
-                    # Increments belong to nominal intervals; what is filled has its own length.
-                    filled *= span / (lost * nominal)
+                fill(history, newest, before, rows, i, after, lost, work)
+                # Increments belong to nominal intervals; what is filled has its own length.
+                scale = span / (lost * nominal) if kind == INCREMENTS else 1.0
                 for k in range(lost):
+                    for j in range(6):
+                        work[FILLED + k, 2 + j] *= scale
                     m = _put(state, history, kind, m, start + (k + 1) * part, part, 0.0,
-                             filled, k, 0, out_t, out_dt, out, values)  # fmt: skip
+                             work, FILLED + k, out_t, out_dt, turn, push, values)  # fmt: skip
                 dt = part
             else:
                 # One sample, up to the end of this row's interval.
-                mean = bridge(history, newest, min(before, wanted), rows, i, after)
+                bridge(history, newest, min(before, wanted), rows, i, after, work)
                 state[100] = 0.0
                 slot = m
-                m = _put(state, history, kind, m, ti, dt, 0.0, rows, i, 2,
-                         out_t, out_dt, out, values)  # fmt: skip
+                m = _put(state, history, kind, m, ti, dt, 0.0, rows, i,
+                         out_t, out_dt, turn, push, values)  # fmt: skip
                 for j in range(6):
                     if kind == RATES:
-                        out[slot, j] = mean[j] * dt
+                        value = work[FILLED, 2 + j] * dt
                     elif kind == MEAN_RATES:
-                        out[slot, j] = mean[j] * span + rows[i, 2 + j] * (dt - span)
+                        value = work[FILLED, 2 + j] * span + rows[i, 2 + j] * (dt - span)
                     else:
-                        out[slot, j] = mean[j] * (span / nominal) + rows[i, 2 + j]
+                        value = work[FILLED, 2 + j] * (span / nominal) + rows[i, 2 + j]
+                    _store(turn, push, slot, j, value)
                 state[2] = 0.0
                 state[101] += lost
                 look(state, rows, i, i + 1)
@@ -354,6 +370,6 @@ def integrate(state, history, kind, nominal, rows, begin, end, close, out_t, out
                 continue
             state[101] += lost
         look(state, rows, i, i + 1)
-        m = _put(state, history, kind, m, ti, dt, step, rows, i, 2, out_t, out_dt, out, values)
+        m = _put(state, history, kind, m, ti, dt, step, rows, i, out_t, out_dt, turn, push, values)
         i += 1
     return m, end

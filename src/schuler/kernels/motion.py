@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from schuler.kernels._jit import summing_kernel
 
 BLOCK = 64
 
 
 @summing_kernel
-def add_lines(t, cosines, sines, channel, frequency, phase, amplitude, path, angles):
+def add_lines(t, cosines, sines, channel, frequency, phase, amplitude, path, angles, work):
     """Add lines a sin(w t + p), and their first and second derivative, to their channels.
 
     Parameters
@@ -28,11 +26,13 @@ def add_lines(t, cosines, sines, channel, frequency, phase, amplitude, path, ang
         rad/s, rad, rad or m.
     path, angles : (n, 3, 3) float64
         Value, rate and acceleration (last axis) of the ways and of the angles.
+    work : (2, k) float64
+        Scratch.
     """
     n = t.shape[0]
     lines = frequency.shape[0]
     even = cosines.shape[0] == BLOCK
-    s0, c0 = np.empty(lines), np.empty(lines)
+    s0, c0 = work[0], work[1]
     for begin in range(0, n, BLOCK):
         m = min(BLOCK, n - begin)
         if even:

@@ -13,8 +13,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from schuler.kernels._jit import helper, kernel
 
 SETTING = 8
@@ -144,7 +142,38 @@ def set_smallest(settings, nominal, increments):
 
 
 @kernel
-def learn(rows, count, settings):
+def median_of(values, n):
+    """Return the median of the first values, which come out in another order."""
+    half = n // 2
+    low, high = 0, n - 1
+    while low < high:
+        pivot = values[(low + high) // 2]
+        i, j = low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while values[j] > pivot:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i += 1
+                j -= 1
+        if half <= j:
+            high = j
+        elif half >= i:
+            low = i
+        else:
+            break
+    if n % 2:
+        return values[half]
+    below = values[0]
+    for k in range(1, half):
+        below = max(below, values[k])
+    return 0.5 * (below + values[half])
+
+
+@kernel
+def learn(rows, count, settings, size):
     """Fill the settings (6, SETTING) from the first rows: medians, which no spike moves.
 
     Parameters
@@ -154,6 +183,8 @@ def learn(rows, count, settings):
         Rows to look at, `LEAST` or more.
     settings : (6, SETTING) float64
         Zero, but for the smallest spike; filled.
+    size : (count,) float64
+        Scratch.
     """
     for j in range(6):
         c = 2 + j
@@ -162,11 +193,10 @@ def learn(rows, count, settings):
             step = abs(rows[i, c] - rows[i - 1, c])
             if step > 0.0 and (s[6] == 0.0 or step < s[6]):
                 s[6] = step
-        size = np.empty(count - 2 * REACH)
         for way in range(3):
             for i in range(REACH, count - REACH):
                 size[i - REACH] = abs(residual_of(rows, i, c, way))
-            s[way] = (1.4826 * np.median(size)) ** 2
+            s[way] = (1.4826 * median_of(size, count - 2 * REACH)) ** 2
         # The largest but for one event, which may be a spike.
         way = best_way(s, REACH, 2 * REACH + 1, REACH)
         worst, at = -1.0, 0

@@ -37,6 +37,7 @@ from schuler.kernels.residuals import (
     is_uneven,
     learn,
     limit_of,
+    median_of,
     pass_over,
     renew,
     residual_of,
@@ -44,14 +45,20 @@ from schuler.kernels.residuals import (
     update,
 )
 
-__all__ = ["AHEAD", "KEPT", "LEAST", "REACH", "SETTING", "learn", "screen", "set_smallest"]
+__all__ = [
+    "AHEAD", "KEPT", "LEAST", "REACH", "SETTING", "WORK", "learn", "screen", "set_smallest",
+]  # fmt: skip
 
 _BLOCK = 64
 """Rows that are passed over at once where all are ordinary."""
 
+_FORETOLD, _SPREAD, _WANTED, _CALM, _LIMITS, _SIZES = range(6)
+WORK = (6, KEPT)
+"""Scratch of `screen`: for each channel what the judgement of an edge finds, limits, residuals."""
+
 
 @kernel
-def _edge(rows, at, inward, count, settings, wanted, spread):
+def _edge(rows, at, inward, count, settings, work):
     """Judge the first or the last row, which has neighbours on one side only.
 
     Parameters
@@ -63,23 +70,15 @@ def _edge(rows, at, inward, count, settings, wanted, spread):
         Rows to learn from.
     settings : (6, SETTING) float64
         The smallest spike is looked at.
-    wanted : (6,) bool
-        Filled: which channels are off.
-    spread : (6,) float64
-        Filled: how far what is foretold usually is off.
-
-    Returns
-    -------
-    (6,) float64
-        What the neighbours foretell.
+    work : WORK float64
+        Filled: what the neighbours foretell, how far that usually is off, and which channels are
+        off (1).
     """
-    foretold = np.zeros(6)
-    calm = np.ones(6, np.bool_)
-    size = np.empty(count)
     for j in range(6):
         c = 2 + j
         best = np.inf
-        wanted[j] = False
+        work[_WANTED, j] = 0.0
+        work[_CALM, j] = 1.0
         smallest = 0.0
         for k in range(1, count + 1):
             step = abs(rows[at + inward * k, c] - rows[at + inward * (k + 1), c])
@@ -103,20 +102,22 @@ def _edge(rows, at, inward, count, settings, wanted, spread):
                 if k == 0:
                     value, off = guess, r
                 else:
-                    size[k - 1] = r
-            sigma = 1.4826 * np.median(size)
+                    work[_SIZES, k - 1] = r
+            sigma = 1.4826 * median_of(work[_SIZES], count)
             if sigma < best:
-                best = spread[j] = sigma
-                most = size.max()
-                foretold[j] = value
+                best = sigma
+                most = work[_SIZES, 0]
+                for k in range(1, count):
+                    most = max(most, work[_SIZES, k])
+                work[_FORETOLD, j], work[_SPREAD, j] = value, sigma
                 limit = max(SIGMAS * sigma, BEYOND * most, 3.0 * smallest, settings[j, 7])
-                wanted[j] = off > limit and rows[at, c] != rows[at + inward, c]
-                calm[j] = off <= max(ORDINARY * sigma, most, smallest)
+                there = off > limit and rows[at, c] != rows[at + inward, c]
+                work[_WANTED, j] = 1.0 if there else 0.0
+                work[_CALM, j] = 1.0 if off <= max(ORDINARY * sigma, most, smallest) else 0.0
     for j in range(6):
         first = 3 if j < 3 else 0
         for k in range(first, first + 3):
-            wanted[j] = wanted[j] and calm[k]
-    return foretold
+            work[_WANTED, j] *= work[_CALM, k]
 
 
 @kernel
@@ -163,23 +164,21 @@ def _note(rows, i, j, value, found, spikes):
 
 
 @kernel
-def _judge_edge(rows, n, at, count, settings, found, spikes):
+def _judge_edge(rows, n, at, count, settings, found, spikes, work):
     """Look at the first or the last row; return the number of spikes."""
     inward = 1 if at == 0 else -1
     if is_uneven(rows, at, n):
         return spikes
-    wanted = np.zeros(6, np.bool_)
-    spread = np.zeros(6)
-    foretold = _edge(rows, at, inward, count - REACH - 2, settings, wanted, spread)
+    _edge(rows, at, inward, count - REACH - 2, settings, work)
     for j in range(6):
-        if not wanted[j] or spikes >= found.shape[0]:
+        if work[_WANTED, j] == 0.0 or spikes >= found.shape[0]:
             continue
         value = rows[at, 2 + j]
-        rows[at, 2 + j] = foretold[j]
+        rows[at, 2 + j] = work[_FORETOLD, j]
         # A spike in the second row would spoil what is foretold, and show in the third.
-        if is_ordinary(rows, settings[j], at + inward, n, 2 + j, True, spread[j]) and is_ordinary(
-            rows, settings[j], at + 2 * inward, n, 2 + j, True, spread[j]
-        ):
+        if is_ordinary(
+            rows, settings[j], at + inward, n, 2 + j, True, work[_SPREAD, j]
+        ) and is_ordinary(rows, settings[j], at + 2 * inward, n, 2 + j, True, work[_SPREAD, j]):
             spikes = _note(rows, at, j, value, found, spikes)
         else:
             rows[at, 2 + j] = value
@@ -214,7 +213,7 @@ def _judge(rows, n, i, j, settings, found, spikes):
 
 
 @kernel
-def screen(rows, n, begin, first, close, settings, found):
+def screen(rows, n, begin, first, close, settings, found, work, ways):
     """Look at each row that enough follow, and replace its spikes.
 
     Parameters
@@ -230,6 +229,9 @@ def screen(rows, n, begin, first, close, settings, found):
     settings : (6, SETTING) float64
     found : (m, 5) float64
         Filled with row number, time, channel, the value as it came and what took its place.
+    work : WORK float64
+    ways : (6,) int64
+        Scratch.
 
     Returns
     -------
@@ -238,8 +240,7 @@ def screen(rows, n, begin, first, close, settings, found):
     """
     spikes = 0
     ended = False
-    ways = np.zeros(6, np.int64)
-    limits = np.zeros(6)
+    limits = work[_LIMITS]
     renew(settings, ways, limits)
     # The last row that is unlike its neighbours: near it nothing is learnt.
     odd = -1
@@ -257,10 +258,10 @@ def screen(rows, n, begin, first, close, settings, found):
             # Row by row from here to the block's end.
             slow = i + _BLOCK - 1
         if i == 0:
-            spikes = _judge_edge(rows, n, 0, min(first, KEPT), settings, found, spikes)
+            spikes = _judge_edge(rows, n, i, min(first, KEPT), settings, found, spikes, work)
         if close and not ended and i + AHEAD >= n:
             # Before the rows beside it, whose residuals it would spoil.
-            spikes = _judge_edge(rows, n, n - 1, min(n, KEPT), settings, found, spikes)
+            spikes = _judge_edge(rows, n, n - 1, min(n, KEPT), settings, found, spikes, work)
             ended = True
         if REACH <= i < n - REACH:
             for j in range(6):

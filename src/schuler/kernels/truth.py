@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from schuler.constants import EARTH_A, EARTH_RATE
 from schuler.kernels._jit import helper, kernel
 from schuler.kernels.earth import gravity_of_sine, radii_of_sine
@@ -34,6 +32,7 @@ ARM = 36
 SUM = 37
 POS = 43
 FREE = 46
+ROWS = 49
 
 
 @helper
@@ -227,7 +226,7 @@ def place(way, arc, levers, arms, m, u: float, r: float, w) -> None:
     for k in range(levers.shape[0]):
         turn_frame(arc, 3 * k, m, u, w)
         add_frame(arc, 3 * k, k == 0, m, u, r, w)
-        if arms:
+        if arms > 0.0:
             add_arm(arc, 3 * k, k == 0, m, u, r, levers[k, 0], levers[k, 1], levers[k, 2], w)
         elif k > 0:
             for e in range(3):
@@ -237,7 +236,9 @@ def place(way, arc, levers, arms, m, u: float, r: float, w) -> None:
 
 
 @kernel
-def true_increments(state, h, path, angles, levers, nodes, weights, dtheta, dvel, pose):
+def true_increments(
+    state, h, path, angles, levers, nodes, weights, way, arc, w, dtheta, dvel, pose
+):
     """Integrate rate and force over each interval between knots.
 
     Parameters
@@ -255,20 +256,20 @@ def true_increments(state, h, path, angles, levers, nodes, weights, dtheta, dvel
         m.
     nodes, weights : (j,) float64
         Gauss-Legendre on (0, 1).
+    way, arc, w : (3, 6, BLOCK), (3 k, 6, BLOCK), (ROWS, BLOCK) float64
+        Scratch; zero.
     dtheta, dvel : (n, 3) float64
         Filled with the angle and velocity increments in body axes.
     pose : (n + 1, 6) float64
         Filled with velocity east, north, up and latitude, longitude, height at the knots.
     """
-    arms = False
+    # A number, and no truth value: of False alone Numba would compile everything once more.
+    arms = 0.0
     for k in range(levers.shape[0]):
-        if levers[k, 0] != 0.0 or levers[k, 1] != 0.0 or levers[k, 2] != 0.0:
-            arms = True
+        arms = max(arms, abs(levers[k, 0]), abs(levers[k, 1]), abs(levers[k, 2]))
     n = path.shape[0] - 1
+    count = nodes.shape[0]
     r = 1.0 / h
-    way = np.zeros((3, 6, BLOCK))
-    arc = np.zeros((3 * levers.shape[0], 6, BLOCK))
-    w = np.zeros((FREE + 3, BLOCK))
     for first in range(0, n, BLOCK):
         m = min(BLOCK, n - first)
         fill(path, first, m, h, way)
@@ -283,22 +284,31 @@ def true_increments(state, h, path, angles, levers, nodes, weights, dtheta, dvel
         g2, slope2 = gravity_of_sine(sl + 1e-4 * cl)
         dg, dslope = 1e4 * (g2 - g0), 1e4 * (slope2 - slope)
         scale_n = 1.0 / (rm + state[2])
-
-        # The knots: velocity and height now; latitude and longitude as they are summed up.
-        place(way, arc, levers, arms, m, 0.0, r, w)
-        if state[4] == 0.0:
-            # The site is the IMU's, not the centre's that carries it.
-            state[3] = w[ARM, 0]
-            state[2] -= path[0, 2, 0]
-            state[4] = 1.0
-        for i in range(m):
-            pose[first + i, 0], pose[first + i, 1] = w[V, i], w[V + 1, i]
-            pose[first + i, 2] = w[V + 2, i]
-            pose[first + i, 5] = state[2] + way[2, 0, i] + w[ARM, i] - state[3]
-        w[SUM:FREE, :m] = 0.0
-        for j in range(nodes.shape[0]):
-            u, q = nodes[j], weights[j]
+        # The knots at the begin of each interval, the nodes, and the record's last knot: one call
+        # of `place` for all of them, which is half of what is compiled here.
+        for j in range(-1, count + 1 if first + m == n else count):
+            u = 0.0 if j < 0 else (nodes[j] if j < count else 1.0)
             place(way, arc, levers, arms, m, u, r, w)
+            if j < 0:
+                if state[4] == 0.0:
+                    # The site is the IMU's, not the centre's that carries it.
+                    state[3] = w[ARM, 0]
+                    state[2] -= path[0, 2, 0]
+                    state[4] = 1.0
+                # Velocity and height now; latitude and longitude as they are summed up.
+                for i in range(m):
+                    pose[first + i, 0], pose[first + i, 1] = w[V, i], w[V + 1, i]
+                    pose[first + i, 2] = w[V + 2, i]
+                    pose[first + i, 5] = state[2] + way[2, 0, i] + w[ARM, i] - state[3]
+                w[SUM:FREE, :m] = 0.0
+                continue
+            if j == count:
+                i = m - 1
+                pose[n, 0], pose[n, 1], pose[n, 2] = w[V, i], w[V + 1, i], w[V + 2, i]
+                pose[n, 3], pose[n, 4] = state[0], state[1]
+                pose[n, 5] = state[2] + path[n, 2, 0] + w[ARM, i] - state[3]
+                continue
+            q = weights[j]
             for i in range(m):
                 north = (
                     way[1, 0, i]
@@ -334,17 +344,12 @@ def true_increments(state, h, path, angles, levers, nodes, weights, dtheta, dvel
                     w[SUM + 3 + e, i] += q * (x * fx + y * fy + z * fz)
                 w[POS, i] += q * vn * im
                 w[POS + 1, i] += q * east
-        for i in range(m):
-            for e in range(3):
-                dtheta[first + i, e] = h * w[SUM + e, i]
-                dvel[first + i, e] = h * w[SUM + 3 + e, i]
-            pose[first + i, 3], pose[first + i, 4] = state[0], state[1]
-            state[0] += h * w[POS, i]
-            state[1] += h * w[POS + 1, i]
-
-    # The last knot is the end of the last interval.
-    place(way, arc, levers, arms, m, 1.0, r, w)
-    i = m - 1
-    pose[n, 0], pose[n, 1], pose[n, 2] = w[V, i], w[V + 1, i], w[V + 2, i]
-    pose[n, 3], pose[n, 4] = state[0], state[1]
-    pose[n, 5] = state[2] + path[n, 2, 0] + w[ARM, i] - state[3]
+            if j + 1 < count:
+                continue
+            for i in range(m):
+                for e in range(3):
+                    dtheta[first + i, e] = h * w[SUM + e, i]
+                    dvel[first + i, e] = h * w[SUM + 3 + e, i]
+                pose[first + i, 3], pose[first + i, 4] = state[0], state[1]
+                state[0] += h * w[POS, i]
+                state[1] += h * w[POS + 1, i]

@@ -170,5 +170,6 @@ class Sway:
         path, angles = np.zeros((len(t), 3, 3)), np.zeros((len(t), 3, 3))
         angles[:, :, 0] = np.array([-self.heading, self.pitch, self.roll]) * DEG
         table = self._table(_even_step(t))
-        add_lines(np.ascontiguousarray(t), *table, *self._all, path, angles)
+        work = np.empty((2, len(self._all[0])))
+        add_lines(np.ascontiguousarray(t), *table, *self._all, path, angles, work)
         return Track(path, angles[:, None], np.array([self.lever], np.float64))

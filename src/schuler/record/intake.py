@@ -96,6 +96,7 @@ class Intake:
         self._screened = self._done = 0
         self._settings = np.zeros((6, spikes.SETTING))
         self._history = np.zeros((gaps.HISTORY, 6))
+        self._gap_work = gaps.WORK
         self._found = np.empty((0, SpikeRow.size))
 
     def skip(self, rows: int) -> None:
@@ -274,11 +275,12 @@ class Intake:
         if start:
             assert self._nominal is not None
             k.set_smallest(self._settings, self._nominal, self.kind == "increments")
-            k.learn(self._rows, first, self._settings)
+            k.learn(self._rows, first, self._settings, np.empty(first))
         found = np.empty((allowed(int(self._state.rows)) - len(self._found) + 1, SpikeRow.size))
         self._screened, count = k.screen(
-            self._rows, n, self._screened, first, self._closed, self._settings, found
-        )
+            self._rows, n, self._screened, first, self._closed, self._settings, found,
+            np.empty(k.WORK), np.zeros(6, np.int64),
+        )  # fmt: skip
         if count:
             self._found = np.concatenate([self._found, found[:count]])
             check_count(self._found, self.kind)
@@ -288,12 +290,13 @@ class Intake:
         rows, begin, end = self._rows, self._done, self._screened
         # Each row is a sample, and so is each that is filled in.
         size = end - begin + int(np.minimum(IntakeRow(rows).lost[begin:end], _FILLED).sum()) + 1
-        out_t, out_dt, out = np.empty(size), np.empty(size), np.empty((size, 6))
+        out_t, out_dt = np.empty(size), np.empty(size)
+        turn, push = np.empty((size, 3)), np.empty((size, 3))
         rates = self.kind == "rates"
         values = np.empty((size + 1 if rates else 1, 6))
         m, self._done = self._k.integrate(
             self._state.data, self._history, self._code, nominal, rows, begin, end, self._closed,
-            out_t, out_dt, out, values,
+            np.empty(self._gap_work), out_t, out_dt, turn, push, values,
         )  # fmt: skip
         # Rows behind the next to be looked at are its neighbours.
         cut = max(min(self._done, self._screened - self._spikes_k.KEPT), 0)
@@ -303,8 +306,8 @@ class Intake:
         record = ImuRecord(
             out_t[:m],
             out_dt[:m],
-            out[:m, :3],
-            out[:m, 3:],
+            turn[:m],
+            push[:m],
             **self._flags,  # type: ignore[arg-type]
         )
         return record.with_values(values[: m + 1]) if rates and m else record

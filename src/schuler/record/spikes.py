@@ -161,9 +161,11 @@ def without_spikes(record: ImuRecord) -> tuple[ImuRecord, tuple[Spike, ...]]:
     settings = np.zeros((6, k.SETTING))
     first = min(n, WARM_UP)
     k.set_smallest(settings, float(np.median(record.dt)), True)
-    k.learn(rows, first, settings)
+    k.learn(rows, first, settings, np.empty(first))
     found = np.empty((allowed(n) + 1, SpikeRow.size))
-    _, count = k.screen(rows, n, 0, first, True, settings, found)
+    _, count = k.screen(
+        rows, n, 0, first, True, settings, found, np.empty(k.WORK), np.zeros(6, np.int64)
+    )
     if not count:
         return record, ()
     check_count(found[:count], "increments")

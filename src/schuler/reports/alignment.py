@@ -9,6 +9,7 @@ from schuler.alignment import (
     Alignment,
     LatitudeFix,
     MovingAlignment,
+    MovingWindows,
     Windows,
     convergence,
     residual,
@@ -16,7 +17,7 @@ from schuler.alignment import (
 from schuler.alignment.transfer import TransferAlignment
 from schuler.constants import ARCMIN
 from schuler.reports import figures
-from schuler.reports.moving import moving_sections
+from schuler.reports.moving import moving_sections, windows_section
 from schuler.reports.page import Drawing, Page, Section, contradiction_box, definition_table
 from schuler.reports.transfer import transfer_sections
 
@@ -39,6 +40,8 @@ def alignment_page(fix: Alignment, windows: Windows | None = None) -> Page:
         sections = moving_sections(fix)
         if isinstance(fix, TransferAlignment):
             sections += transfer_sections(fix)
+        if isinstance(windows, MovingWindows):
+            sections.insert(1, windows_section(windows))
         sections += [_budget(fix), _tables(fix)]
     else:
         sections = [_convergence(fix)]

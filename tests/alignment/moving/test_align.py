@@ -27,8 +27,8 @@ from tests.alignment.moving.routes import (
     truth_of,
     walker,
 )
-from tests.alignment.moving.test_coarse import LEVER, ending, simulated
 from tests.conftest import chi_square_band
+from tests.in_motion.test_coarse import LEVER, ending, simulated
 
 GRADE, MEMS = "tactical-fog", "industrial-mems"
 

@@ -36,7 +36,8 @@ def test_any_attitude_and_latitude(lat, heading, pitch, roll):
     site = Site(lat)
     made = simulate(Static(heading, pitch, roll), site, 60.0, 10.0)
     fix = align(made.record, site)
-    assert np.abs(phi_of(fix, made.euler[-1])).max() < 1e-7
+    # Digits are lost as the Earth's rotation loses its level part.
+    assert np.abs(phi_of(fix, made.euler[-1])).max() < 3e-8 / np.cos(site.latitude)
 
 
 @pytest.mark.parametrize(("subsamples", "bound"), [(1, 3e-6), (2, 3e-6), (3, 3e-6), (4, 1e-5)])

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.moving.setup import Aid, Nominal, layout_of, make_filter
-from schuler.attitude import multiply, quat_to_rotvec, rotvec_to_quat
+from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
 from schuler.constants import DEG, DEG_PER_HOUR
 from schuler.earth import radii
 from schuler.errors import InputError
@@ -109,6 +109,8 @@ class FineAlignment:
     moved : float
         How far the last pass moved the start, in sigma.
     filter : ErrorStateFilter
+    smoothed_heading : (3, k) float64
+        Times of the measurements (s), the smoothed heading there, clockwise, and its 1-sigma (rad).
     """
 
     start: FineState
@@ -117,6 +119,7 @@ class FineAlignment:
     passes: int
     moved: float
     filter: ErrorStateFilter
+    smoothed_heading: Array
 
 
 def run_pass(flt: ErrorStateFilter, record: ImuRecord, *, correct: bool = True) -> None:
@@ -188,6 +191,16 @@ def _smoothed_start(flt: ErrorStateFilter, before: Nominal, time: float) -> Fine
         time, lat, lon, height, quat, before.v_n - error[layout["velocity"]], layout,
         s.covariance[0], parameters,
     )  # fmt: skip
+
+
+def _smoothed_heading(flt: ErrorStateFilter) -> Array:
+    """Return times, headings (clockwise) and their 1-sigma at the epochs, (3, k), by smoothing."""
+    s = flt.smoothed()
+    _, _, angle = east_angle(s.history.quat_ne)
+    # The first of the smoothed estimates is that of the start, which is no epoch.
+    forward = quat_to_matrix(s.quat_nb[1:])[:, :2, 1]
+    heading = np.arctan2(forward[:, 0], forward[:, 1]) + angle
+    return np.stack([s.history.time, heading, np.sqrt(s.covariance[1:, 2, 2])])
 
 
 def filtered_end(flt: ErrorStateFilter) -> tuple[FineState, dict[str, Array]]:
@@ -341,4 +354,4 @@ def iterate(
         last = build(nominal, difference(layout, nominal, start), True)
         run_pass(last, record, correct=correct)
         end, parts = filtered_end(last)
-    return FineAlignment(begin, end, parts, passes, moved, flt)
+    return FineAlignment(begin, end, parts, passes, moved, flt, _smoothed_heading(flt))

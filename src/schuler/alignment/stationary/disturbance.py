@@ -286,7 +286,7 @@ def angle_powers(angle: Array, dt: Array, noise: Array) -> tuple[Array, Array, A
     once, _ = _integrals(modes, dt, 1.0)
     step = dt[:, None]
     shapes = np.stack([(modes**2 / step).sum(axis=0), (once**2 * step).sum(axis=0)])
-    known = np.einsum("ik,ij,jk->k", modes, noise, modes)
+    known = np.sum(modes * (noise @ modes), axis=0)
     return (modes.T @ angle) ** 2, shapes, known
 
 

@@ -130,10 +130,11 @@ class NormalEquations:
             return 0.0, 1.0
         unit = float(np.sqrt(np.diag(noise).mean()))
         sizes = np.concatenate([[0.0], np.geomspace(0.5, 1000.0, 40) * unit])
-        log = np.empty(len(sizes))
-        for k, size in enumerate(sizes):
-            total = noise + size**2 * np.eye(2)
-            log[k] = -0.5 * (np.linalg.slogdet(total)[1] + tilt @ np.linalg.solve(total, tilt))
+        # Determinant and inverse of noise + size^2 I, written out.
+        a, d, b = noise[0, 0] + sizes**2, noise[1, 1] + sizes**2, noise[0, 1]
+        size_of = a * d - b * b
+        square = (d * tilt[0] ** 2 - 2.0 * b * tilt[0] * tilt[1] + a * tilt[1] ** 2) / size_of
+        log = -0.5 * (np.log(size_of) + square)
         weight = np.exp(log - log.max())
         weight[1:] *= (1.0 - _STILL) / (_STILL * (len(sizes) - 1))
         weight /= weight.sum()

@@ -20,6 +20,7 @@ Source: Gauss-Markov theorem (Aitken, 1935) on the linearised inertial-frame equ
 from __future__ import annotations
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -214,6 +215,25 @@ def joint(
     InputError
         As `schuler.alignment.stationary.inertial.solve`.
     """
+    if about is None and not free_latitude:
+        # Every method's result is held against it, and so are all of one record.
+        kept = _found.setdefault(h, {})
+        if (site, spec) not in kept:
+            kept[site, spec] = _joint(h, site, spec, None, False)
+        return kept[site, spec]
+    return _joint(h, site, spec, about, free_latitude)
+
+
+_found: WeakKeyDictionary[History, dict[tuple[Site, ImuSpec | None], OptimalAlignment]] = (
+    WeakKeyDictionary()
+)
+"""What was found already, for as long as its history is there."""
+
+
+def _joint(
+    h: History, site: Site, spec: ImuSpec | None, about: Linearisation | None, free_latitude: bool
+) -> OptimalAlignment:
+    """See `joint`."""
     g, lat = site.gravity, site.latitude
     about = about or Linearisation(solve(h, g, lat, "centred"), np.zeros(3))
     r, removed = about.rotation, about.gyro_bias

@@ -7,6 +7,7 @@ attitude; both linear in the unknowns of `schuler.alignment.stationary.normal_eq
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,11 +74,58 @@ the attitude of each dwell (3)."""
 
 
 def _noise(
-    part: GyroSpec | AccelerometerSpec, response: Array, dt: Array, interval: float
+    part: GyroSpec | AccelerometerSpec, response: Array, dt: Array, interval: float, unit: Array
 ) -> Array:
-    """Return the covariance (a, a) of quantities that answer to increments by (a, m)."""
-    found = part_covariance(replace(part, bias=0.0), response.T[:, :, None], dt, interval)
+    """Return the covariance (a, a) of quantities that answer to increments by (a, m).
+
+    `unit` (a, a) is what white noise of unit density makes.
+    """
+    found = part_covariance(replace(part, bias=0.0), response.T[:, :, None], dt, interval, unit)
     return np.asarray(sum(found.values(), np.zeros((len(response), len(response)))))
+
+
+def _of_white_noise(
+    walk: Array, double: Array, short: Array, dt: Array, g: float
+) -> tuple[Array, Array]:
+    """Return what white noise of unit density makes of the responses of `_responses`.
+
+    Of two stretches, the later one answers to what the earlier one sees in full (once summed), or
+    by the time since then (twice summed), so that sums over the earlier one's parts are enough.
+
+    Returns
+    -------
+    (m, m), (2m + 1, 2m + 1) float64
+        Of `walk`; and of `walk`, `g * double` and a last row of ones.
+    """
+    m = len(dt)
+    middle = np.cumsum(short) - 0.5 * short
+    at = middle.reshape(m, -1).mean(axis=1)
+    weighted, doubly = walk * short, double * short
+    once, moment = weighted.sum(axis=1), weighted @ middle
+    twice, moment_of_twice = doubly.sum(axis=1), doubly @ middle
+    # Rows are the earlier stretch, columns the later one; both alike on the diagonal.
+    wander = _both_ways(np.repeat(once[:, None], m, axis=1), np.sum(weighted * walk, axis=1))
+    bend = _both_ways(
+        at * twice[:, None] - moment_of_twice[:, None], np.sum(doubly * double, axis=1)
+    )
+    later = at * once[:, None] - moment[:, None]
+    mixed = np.triu(later, 1) + np.tril(np.repeat(twice[None, :], m, axis=0), -1)
+    mixed[np.diag_indices(m)] = np.sum(weighted * double, axis=1)
+    unit = np.empty((2 * m + 1, 2 * m + 1))
+    unit[:m, :m], unit[m:-1, m:-1] = wander, g * g * bend
+    unit[:m, m:-1], unit[m:-1, :m] = g * mixed, g * mixed.T
+    unit[-1, :m] = unit[:m, -1] = once
+    unit[-1, m:-1] = unit[m:-1, -1] = g * twice
+    unit[-1, -1] = short.sum()
+    return wander, unit
+
+
+def _both_ways(upper: Array, diagonal: Array) -> Array:
+    """Return a symmetric matrix of what stands above the diagonal and on it."""
+    half = np.triu(upper, 1)
+    out = half + half.T
+    out[np.diag_indices(len(out))] = diagonal
+    return np.asarray(out)
 
 
 def turns_from_middle(
@@ -123,18 +171,18 @@ def make_series(
     walk, double, short = _responses(dt)
     # The last row is the attitude at the end, which answers to all increments in full.
     stacked = np.vstack([walk, g * double, np.ones((1, walk.shape[1]))])
+    wander, unit = _of_white_noise(walk, double, short, dt, g)
 
     # What the vehicle's motion and the instrument make of the series.
     d, c, b, a = levels.likely
     change = np.diff(np.eye(m), axis=1, prepend=0.0, append=0.0) / dt[:, None]
-    wander = (walk * short) @ walk.T
     force = d * change @ change.T + np.diag(c / dt) + b * wander
-    gyro = a * (stacked * short) @ stacked.T
+    gyro = a * unit
     if spec is not None:
         # Means over stretches are no better than this, whatever an instrument is said to be.
         force += max(_LEAST_WHITE**2 - spec.accelerometer.white**2, 0.0) * wander
-        force += _noise(spec.accelerometer, walk, short, interval)
-        gyro += _noise(spec.gyro, stacked, short, interval)
+        force += _noise(spec.accelerometer, walk, short, interval, wander)
+        gyro += _noise(spec.gyro, stacked, short, interval, unit)
 
     # Dwells whose attitude is steady enough to say something.
     steady = [d for d in dwells if d[1] - d[0] > 8 and np.abs(turns[d[0] : d[1]]).max() < LARGEST]
@@ -182,13 +230,27 @@ def _responses(dt: Array) -> tuple[Array, Array, Array]:
     (m, k), (m, k), (k,) float64
         Responses, and the lengths of the parts, s.
     """
+    m = len(dt)
     short = np.repeat(dt / PARTS, PARTS)
-    once = np.tril(np.ones((len(short), len(short))), -1) + 0.5 * np.eye(len(short))
-    # once times (the lengths times once), written out: the time between the middles of two parts.
+    # The time between the middles of two parts, by means over the parts of a stretch.
     middle = np.cumsum(short) - 0.5 * short
-    twice = np.maximum(middle[:, None] - middle, 0.0) + np.diag(0.25 * short)
-    shape = (len(dt), PARTS, len(short))
-    return once.reshape(shape).mean(axis=1), twice.reshape(shape).mean(axis=1), short
+    parts = middle.reshape(m, PARTS)
+    twice = np.maximum(parts.mean(axis=1)[:, None] - middle, 0.0)
+    inside = np.maximum(parts[:, :, None] - parts[:, None, :], 0.0)
+    inside += 0.25 * (dt / PARTS)[:, None, None] * np.eye(PARTS)
+    own = np.arange(m)
+    twice.reshape(m, m, PARTS)[own, own] = inside.mean(axis=1)
+    return _once_summed(m), twice, short
+
+
+@lru_cache(maxsize=8)
+def _once_summed(m: int) -> Array:
+    """Return how means over m stretches answer to increments of their parts, once summed."""
+    k = m * PARTS
+    once = np.tril(np.ones((k, k)), -1) + 0.5 * np.eye(k)
+    mean = once.reshape(m, PARTS, k).mean(axis=1)
+    mean.flags.writeable = False
+    return np.asarray(mean)
 
 
 def _carried(once: Array, steps: Array) -> Array:

@@ -187,8 +187,9 @@ def _squared(v: Array, weight: Array) -> Array:
 
 
 def part_covariance(
-    part: GyroSpec | AccelerometerSpec, body: Array, dt: Array, interval: float
-) -> dict[str, Array]:
+    part: GyroSpec | AccelerometerSpec, body: Array, dt: Array, interval: float,
+    unit: Array | None = None,
+) -> dict[str, Array]:  # fmt: skip
     """Return the covariance (a, a) that each error type of a sensor triad or axis makes.
 
     Parameters
@@ -200,6 +201,8 @@ def part_covariance(
         Length of each stretch, s.
     interval : float
         Sampling interval, s.
+    unit : (a, a) float64, optional
+        What white noise of unit density makes, where it is known already.
     """
     out: dict[str, Array] = {}
     total = body * dt[:, None, None]
@@ -207,7 +210,7 @@ def part_covariance(
         j = total.sum(axis=0)
         out["bias"] = part.bias**2 * (j @ j.T)
     if part.white:
-        out["white"] = part.white**2 * _squared(body, dt)
+        out["white"] = part.white**2 * (_squared(body, dt) if unit is None else unit)
     if part.quantisation:
         inner = _squared(np.diff(body, axis=0), 2.0 * interval / (dt[1:] + dt[:-1]))
         ends = body[0] @ body[0].T + body[-1] @ body[-1].T

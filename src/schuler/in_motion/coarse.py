@@ -17,12 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.alignment.moving.earth_side import local_axes, spun
-from schuler.alignment.moving.rotation import LEAST_ROWS, Sums, robust_weights
-from schuler.alignment.moving.series import Series
 from schuler.attitude import quat_to_matrix, rotvec_to_quat
 from schuler.constants import DEG
 from schuler.errors import InputError
+from schuler.in_motion.earth_side import local_axes, spun
+from schuler.in_motion.rotation import LEAST_ROWS, Sums, robust_weights
+from schuler.in_motion.series import Series
 from schuler.sensors import ImuSpec
 
 __all__ = ["CoarseAlignment", "coarse", "missing"]
