@@ -30,7 +30,7 @@ from schuler.allan_variance.theory import (
     freedom,
     unit_variances,
 )
-from schuler.errors import InputError
+from schuler.errors import InputError, expect
 from schuler.sensors.errors import AccelerometerSpec, GyroSpec, ImuSpec
 
 __all__ = ["MOVED", "ChannelFit", "NoiseFit", "NoiseTerm", "fit_noise"]
@@ -364,6 +364,7 @@ def fit_noise(found: Allan) -> NoiseFit:
     InputError
         If there are too few averaging times.
     """
+    expect(found, Allan, "found", "it is what schuler.allan gives of a record")
     keep = _octaves(found.tau)
     if len(keep) < _LEAST:
         raise InputError(

@@ -17,10 +17,13 @@ __all__ = ["command"]
 
 def check_name(name: str, known: Sequence[str], more: str) -> None:
     """Refuse a name that no experiment has."""
-    from schuler.errors import InputError
+    from schuler.errors import InputError, near
 
     if name not in known:
-        raise InputError(f"'{name}' is no published experiment; there are {', '.join(known)}{more}")
+        raise InputError(
+            f"'{name}'{near(name, known)} is no published experiment; there are "
+            f"{', '.join(known)}{more}"
+        )
 
 
 @click.group("published", cls=Group)

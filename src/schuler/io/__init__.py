@@ -13,6 +13,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from schuler.errors import expect
 from schuler.io.aid_kind import AID_KINDS, aid_kind
 from schuler.io.aid_tables import read_dvl, read_heading, read_height
 from schuler.io.aiding import read_gnss, read_speed
@@ -135,6 +136,7 @@ def read(
         If the file cannot be opened or understood, or a row cannot be used: one sentence with
         the file, the row, its time and what to do.
     """
+    expect(path, (str, Path), "path", "a table in memory is read by schuler.io.from_pandas")
     Span.of(start, stop)  # a bad one is said before the file is opened
     source = open_source(
         path, mapping, max_gap=max_gap, keep_spikes=keep_spikes, **mapping_overrides
