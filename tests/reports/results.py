@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import schuler as sc
+from schuler.alignment import compare_records
 from schuler.constants import DEG_PER_HOUR
 from schuler.motion import Static
 from schuler.sensors import GRADES
@@ -216,6 +217,16 @@ def array() -> Any:
     return ArrayFigures(sensors, Reliability(sensors, Lifetime(10_000.0)))
 
 
+def overview() -> Any:
+    from schuler.reports.overview import Overview
+
+    document = sc.align(rest().record, SITE, spec=FOG).to_dict()
+    return Overview("align", (
+        {"file": "a.csv", "document": document, "error": None, "warnings": []},
+        {"file": "b.csv", "document": None, "error": "b.csv: is empty", "warnings": []},
+    ))  # fmt: skip
+
+
 MAKERS: dict[str, Callable[[], Any]] = {
     "Alignment": lambda: sc.align(rest().record, SITE, spec=FOG),
     "MovingAlignment": moving,
@@ -225,6 +236,7 @@ MAKERS: dict[str, Callable[[], Any]] = {
     "LatitudeFix": latitude_fix,
     "Comparison": comparison,
     "LimitTable": limits,
+    "RecordComparison": lambda: compare_records(made("Alignment"), made("Alignment")),
     "PathTable": path_limits,
     "TableNorth": north,
     "Allan": lambda: sc.allan([rest().record]),
@@ -246,6 +258,7 @@ MAKERS: dict[str, Callable[[], Any]] = {
     "Experiment": experiment,
     "FaultScan": faults,
     "ArrayFigures": array,
+    "Overview": overview,
 }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from schuler.alignment.aligner import Aligner
 from schuler.alignment.bound import Limit, Position, limit, load_positions, position_limit
 from schuler.alignment.compare import Comparison, compare
+from schuler.alignment.compare_records import RecordComparison, compare_records
 from schuler.alignment.convergence import Convergence, convergence
 from schuler.alignment.latitude import LatitudeFix, align_without_latitude
 from schuler.alignment.limit_table import LimitTable, limit_table
@@ -67,6 +68,7 @@ __all__ = [
     "PlannedAid",
     "Position",
     "Problem",
+    "RecordComparison",
     "Residual",
     "Suggestion",
     "Windows",
@@ -77,6 +79,7 @@ __all__ = [
     "analytic_error",
     "bias_formula",
     "compare",
+    "compare_records",
     "convergence",
     "inertial_error",
     "inertial_frame_error",

@@ -13,7 +13,7 @@ import click
 from schuler import __version__
 from schuler.cli.align_moving import align_in_motion, motion_options, motion_taken
 from schuler.cli.align_transfer import align_by_master, transfer_options, transfer_taken
-from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
+from schuler.cli.command import CONTRADICTED, echo, wants_text
 from schuler.cli.common import (
     draw,
     emit_json,
@@ -29,6 +29,7 @@ from schuler.cli.common import (
     site_or_none,
 )
 from schuler.cli.completion import methods, prefilters, specs
+from schuler.cli.many import ManyCommand
 from schuler.cli.parameters import InputFile, NamesOption, Seconds, method_names, prefilter_names
 from schuler.errors import InputError
 
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 
-@click.command("align", cls=Command)
+@click.command("align", cls=ManyCommand)
 @file_options
 @site_options
 @gravity_options
@@ -93,7 +94,7 @@ __all__ = ["command"]
 @transfer_options
 @click.option("--follow", is_flag=True, help="Read on while the file (or - ) grows, live.")
 @click.option("--idle", type=Seconds(0.0), help="With --follow: end after so long without data.")
-@json_option()
+@json_option("Write the result as JSON (- : here); of several records a .jsonl.", ".jsonl")
 @report_option("Write an interactive report.")
 def command(**options: Any) -> int:
     """Find heading, pitch and roll from FILE (- : standard input), at rest or with aids in motion.

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from schuler.cli.command import Command, add_output, echo, wants_text
+from schuler.cli.command import add_output, echo, wants_text
 from schuler.cli.common import (
     Look,
     draw,
@@ -18,6 +18,7 @@ from schuler.cli.common import (
     report_option,
     say_warnings,
 )
+from schuler.cli.many import ManyCommand
 from schuler.cli.parameters import Number, OutputFile
 from schuler.errors import InputError
 
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 
-@click.command("allan", cls=Command)
+@click.command("allan", cls=ManyCommand)
 @file_options
 @click.option(
     "--kind",
@@ -45,7 +46,7 @@ __all__ = ["command"]
     multiple=True,
     help="Only this one: gyro-x, accel-z ... (may be given several times).",
 )
-@json_option()
+@json_option("Write the result as JSON (- : here); of several records a .jsonl.", ".jsonl")
 @report_option("Draw the curves and the fit.")
 @click.option(
     "--save-spec",

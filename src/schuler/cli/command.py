@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -175,12 +176,22 @@ class Command(click.Command):
             path = given.get("again")
             if isinstance(path, str):
                 options, mapping = options_again(ctx, path)
-                ctx.default_map = {**options, **(ctx.default_map or {})}
+                ctx.default_map = {**self.again(options), **(ctx.default_map or {})}
                 ctx.meta[REPEATED] = path, mapping
         return super().parse_args(ctx, args)
 
+    def again(self, options: dict[str, Any]) -> dict[str, Any]:
+        """Return the options of a result as this command takes them."""
+        return options
+
     def invoke(self, ctx: click.Context) -> Any:
         """Check the files, run, and name what was written."""
+        with self.checked(ctx):
+            return super().invoke(ctx)
+
+    @contextmanager
+    def checked(self, ctx: click.Context) -> Iterator[None]:
+        """Check the files before what is done within, and name what was written after it."""
         files = CommandFiles()
         ctx.meta[_KEY] = files
         for label, path, sidecar in self._named(ctx, InputFile):
@@ -193,7 +204,7 @@ class Command(click.Command):
         for label, path, _ in self._named(ctx, OutputFile):
             files.add_output(label, path)
         try:
-            return super().invoke(ctx)
+            yield
         finally:
             for path in files.written():
                 echo(f"wrote {path}", err=True)

@@ -164,9 +164,11 @@ def file_options(function: F) -> F:
     return argument(reading_options(function))
 
 
-def json_option(text: str = "Write the result as JSON (- : here).") -> Callable[[F], F]:
-    """Return the option ``--json OUT``, as `json_to`."""
-    return click.option("--json", "json_to", type=OutputFile(".json"), metavar="OUT", help=text)
+def json_option(text: str = "Write the result as JSON (- : here).", *more: str) -> Callable[[F], F]:
+    """Return the option ``--json OUT``, as `json_to`, which may end in .json and in more."""
+    return click.option(
+        "--json", "json_to", type=OutputFile(".json", *more), metavar="OUT", help=text
+    )
 
 
 #: where the vehicle stands

@@ -19,7 +19,7 @@ from schuler._files import is_special
 from schuler.cli.parameters import OutputFile, OutputFolder
 from schuler.errors import InputError
 
-__all__ = ["again_option", "digest", "options_again", "provenance"]
+__all__ = ["again_option", "digest", "options_again", "provenance", "said_options"]
 
 _MAPPING = "schuler.mapping"
 _BLOCK = 1 << 20
@@ -49,18 +49,10 @@ def digest(path: str | Path) -> str:
     return found.hexdigest()
 
 
-def provenance(inputs: list[tuple[str, str]]) -> dict[str, Any]:
-    """Return what the running command needs to be repeated.
-
-    Parameters
-    ----------
-    inputs : list of (str, str)
-        What names each file that was read, and its path.
-    """
-    ctx = click.get_current_context()
-    mapping = ctx.meta.get(_MAPPING)
+def said_options(ctx: click.Context) -> dict[str, Any]:
+    """Return the options of a command that were said, by the parameters' names."""
     # The mapping holds what its options, its file and the file beside the record say.
-    left = _WRITING if mapping is None else (*_WRITING, *_said_by_mapping())
+    left = _WRITING if ctx.meta.get(_MAPPING) is None else (*_WRITING, *_said_by_mapping())
     options: dict[str, Any] = {}
     for param in ctx.command.params:
         name = param.name or ""
@@ -73,6 +65,19 @@ def provenance(inputs: list[tuple[str, str]]) -> dict[str, Any]:
         ):  # fmt: skip
             continue
         options[name] = list(value) if isinstance(value, tuple) else value
+    return options
+
+
+def provenance(inputs: list[tuple[str, str]]) -> dict[str, Any]:
+    """Return what the running command needs to be repeated.
+
+    Parameters
+    ----------
+    inputs : list of (str, str)
+        What names each file that was read, and its path.
+    """
+    ctx = click.get_current_context()
+    mapping = ctx.meta.get(_MAPPING)
     files = {
         path: {"file": path, "bytes": Path(path).stat().st_size, "sha256": digest(path)}
         for label, path in inputs
@@ -81,7 +86,7 @@ def provenance(inputs: list[tuple[str, str]]) -> dict[str, Any]:
     return {
         "schuler": __version__,
         "command": ctx.command_path.split()[1:],
-        "options": options,
+        "options": said_options(ctx),
         "mapping": {} if mapping is None else _plain(mapping.said()),
         "inputs": list(files.values()),
     }

@@ -6,12 +6,13 @@ from html import escape
 
 import numpy as np
 
+from schuler.alignment import RecordComparison
 from schuler.alignment.compare import Comparison
 from schuler.reports.figure import scatter
 from schuler.reports.figures import BLUE, figure_of, plot_layout
-from schuler.reports.page import Drawing, Page, Section, contradiction_box
+from schuler.reports.page import Drawing, Page, Section, contradiction_box, definition_table
 
-__all__ = ["comparison_page"]
+__all__ = ["comparison_page", "records_page"]
 
 
 def _cell(value: float | None, form: str, unit: str = "") -> str:
@@ -87,3 +88,39 @@ def comparison_page(found: Comparison) -> Page:
     )
     return Page(f"Methods compared: {found.name}", head,
                [*sections, Section("Table", html=table)])  # fmt: skip
+
+
+def records_page(found: RecordComparison) -> Page:
+    """Return the page of two records held against each other."""
+    rows = found.rows()
+    names = [f"about {row['axis']}" for row in rows]
+    layout = plot_layout(240, "second less first, arcmin", "", hovermode="closest")
+    layout["yaxis"].update(autorange="reversed")
+    trace = scatter(
+        x=[row["difference_arcmin"] for row in rows], y=names, mode="markers",
+        name="difference, ± 1 sigma", marker={"color": BLUE, "size": 9},
+        error_x={"type": "data", "array": [row["sigma_arcmin"] for row in rows], "color": BLUE},
+        hovertemplate="%{y}: %{x:.3g}'<extra></extra>",
+    )  # fmt: skip
+    text = "Attitude of the second record less that of the first, with the sigma of both together."
+    table = definition_table(
+        [
+            (name, f"heading {fix.heading_deg:.4f} ± {fix.heading_sigma_arcmin / 60.0:.2g} deg, "
+             f"pitch {fix.pitch_deg:.4f}, roll {fix.roll_deg:.4f} deg")
+            for name, fix in zip(found.names, (found.first, found.second), strict=True)
+        ],
+        "Each alone",
+    )  # fmt: skip
+    value = "no difference shows" if found.equal else "the poses differ"
+    head = (
+        "<h1>Two records of one pose</h1>"
+        + contradiction_box(found.contradictions)
+        + f'<p class="value">{value}</p><p class="sub">chi-square {found.chi_square:.3g} of three '
+        f"degrees of freedom: as large by chance in {100.0 * found.probability:.2g} % where the "
+        "poses are the same</p>"
+    )
+    return Page(
+        f"Two records: {found.names[0]}, {found.names[1]}", head,
+        [Section("Difference", html=table,
+                 drawings=[Drawing("difference", figure_of([trace], layout), text)])],
+    )  # fmt: skip

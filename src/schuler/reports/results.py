@@ -28,6 +28,7 @@ __all__ = [
 PAGES = {
     "schuler.alignment.latitude.LatitudeFix": "alignment.latitude_page",
     "schuler.alignment.compare.Comparison": "compare.comparison_page",
+    "schuler.alignment.compare_records.RecordComparison": "compare.records_page",
     "schuler.alignment.limit_table.LimitTable": "limit.limit_page",
     "schuler.alignment.moving.planned.PathTable": "limit.path_page",
     "schuler.alignment.result.Alignment": "alignment.alignment_page",
@@ -49,6 +50,7 @@ PAGES = {
     "schuler.navigation.evaluate.Evaluation": "navigation.evaluation_page",
     "schuler.navigation.free_result.FreeNavigation": "navigation.free_page",
     "schuler.published.result.Experiment": "published.experiment_page",
+    "schuler.reports.overview.Overview": "overview.overview_page",
     "schuler.sensors.fault_scan.FaultScan": "array.faults_page",
     "schuler.sensors.figures.ArrayFigures": "array.array_page",
     "schuler.trajectory.Trajectory": "navigation.navigation_page",
