@@ -204,6 +204,13 @@ def limit(spec: ImuSpec, site: Site, duration: float, interval: float = 0.01) ->
     ------
     InputError
         If the duration or the interval is not positive.
+
+    Examples
+    --------
+    >>> covariance = sc.limit(spec, site, 300.0)
+    >>> sigma = np.rad2deg(np.sqrt(np.diag(covariance))) * 60.0
+    >>> bool(2.0 < sigma[2] < 10.0)  # heading, arcmin
+    True
     """
     if not (np.isfinite(duration) and duration > 0):
         raise InputError(f"the duration must be a positive time, got {duration} s")

@@ -94,6 +94,12 @@ def open_source(
     ------
     InputError
         If the file cannot be opened or understood.
+
+    Examples
+    --------
+    >>> source = sc.open_source("imu.csv")
+    >>> sum(len(chunk) for chunk in source.chunks())
+    1200
     """
     if mapping is not None and not isinstance(mapping, Mapping):
         mapping = Mapping.from_toml(mapping)
@@ -134,6 +140,11 @@ def read(
     InputError
         If the file cannot be opened or understood, or a row cannot be used: one sentence with
         the file, the row, its time and what to do.
+
+    Examples
+    --------
+    >>> len(sc.read("imu.csv")), len(sc.read("imu.csv", start=10.0, stop=20.0))
+    (1200, 200)
     """
     Span.of(start, stop)  # a bad one is said before the file is opened
     source = open_source(
