@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -157,11 +158,14 @@ def command(**options: Any) -> int:
         navigator = Navigator(
             begin, gravity=gravity, vertical=vertical, every=out.every_free, spec=spec
         )
-        for chunk in flow:
-            navigator.update(chunk)
-    path = navigator.path()
+        if report_to is None and truth is None and out.in_pieces:
+            path = _in_pieces(navigator, flow, out)
+        else:
+            for chunk in flow:
+                navigator.update(chunk)
+            path = navigator.path()
+            out.write(out.of_free(path))
     evaluation = evaluate(path, truth) if truth is not None else None
-    out.write(out.of_free(path))
     if json_to is not None:
         emit_json(_data(path, navigator, source, fix, evaluation), json_to)
     if report_to is not None:
@@ -181,6 +185,22 @@ def command(**options: Any) -> int:
         say_warnings(f"alignment: {text}" for text in fix.warnings)
         contradicted |= not fix.consistent
     return CONTRADICTED if contradicted else 0
+
+
+def _in_pieces(navigator: Navigator, flow: Iterator[ImuRecord], out: PathOutput) -> Trajectory:
+    """Navigate and write what comes, in constant memory; return the first and the last row."""
+    first: Trajectory | None = None
+    written = -math.inf
+    with out.stream() as stream:
+        for chunk in flow:
+            rows = navigator.update(chunk).drain()
+            if rows is not None:
+                first = first or rows.rows(slice(0, 1))
+                written = float(rows.time[-1])
+                stream.write(rows)
+        last = navigator.path()
+        stream.write(last.rows(slice(int(last.time[0] <= written), None)))
+    return last if first is None else first.joined(last.rows(slice(-1, None)), last.covariance)
 
 
 def _aided(
