@@ -328,8 +328,8 @@ def velocity_emd() -> Any:
 def moving() -> Any:
     """Heading error against the span for a car, plain and centred, beside the bound."""
     from schuler.alignment import limit_on, planned_fixes
-    from schuler.alignment.moving.body import body_rows
-    from schuler.alignment.moving.series import velocity_series
+    from schuler.in_motion.body import body_rows
+    from schuler.in_motion.series import velocity_series
     from schuler.motion import Manoeuvre, Route
     from schuler.sensors import draw as draw_errors
     from schuler.sensors.noise import Instrument
@@ -382,7 +382,7 @@ def _wahba(y: Any, x: Any) -> Any:
 
 def _heading_off(mat_i0_ib0: Any, quat_nb: Any, site: Any) -> float:
     """Return the heading's error at the start, rad."""
-    from schuler.alignment.moving.earth_side import local_axes
+    from schuler.in_motion.earth_side import local_axes
 
     axes = local_axes(np.array(site.latitude), np.array(site.longitude))
     turn = axes.T @ mat_i0_ib0 @ quat_to_matrix(quat_nb).T

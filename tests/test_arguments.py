@@ -43,7 +43,7 @@ RECORD = MADE.record
         (lambda: sc.navigate(3.0, Start.from_angles(SITE, 0.0)), "record: expected ImuRecord"),
         (lambda: sc.navigate(RECORD, 3.0), "start: expected Start or Site, got float"),
         (lambda: evaluate(RECORD, MADE.truth), "path: expected Trajectory, got ImuRecord"),
-        (lambda: sc.report(RECORD, "x.html"), "result: expected Alignment, got ImuRecord; a re"),
+        (lambda: sc.report(RECORD, "x.html"), "a report is made of a result, got ImuRecord"),
         (lambda: Emd(threshold=-1), "threshold and siftings must be positive"),
         (lambda: Emd(ends="nowhere"), "ends must be one of"),
         (lambda: Hankel(rank=0), "rank must be 1 or more"),

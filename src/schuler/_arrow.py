@@ -25,7 +25,9 @@ def _chunk(array: Any) -> NDArray[Any]:
     if pa.types.is_boolean(array.type):
         values: NDArray[Any] = _bits(data, offset, n)
     else:
-        dtype = np.dtype(array.type.to_pandas_dtype())
+        # Old versions of Arrow import pandas to say which type of NumPy it is.
+        kind = "f" if pa.types.is_floating(array.type) else "iu"[str(array.type).startswith("u")]
+        dtype = np.dtype(f"{kind}{array.type.bit_width // 8}")
         values = np.frombuffer(data, dtype, count=offset + n)[offset:]
     if validity is None or not array.null_count:
         return values

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler._notebook import Shown
+from schuler._result import Result
 from schuler.attitude import heading_sigma, psi_to_heading, quat_to_euler
 from schuler.constants import ARCMIN, DEG
 from schuler.errors import InputError
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory(Shown):
+class Trajectory(Result):
     """Position over time, and where they are known velocity, attitude and their covariance.
 
     Parameters
@@ -164,7 +164,7 @@ class Trajectory(Shown):
 
     def columns(self) -> dict[str, Array]:
         """Return the columns of a table, named with their units; angles in deg."""
-        out = {"t [s]": self.time}
+        out: dict[str, Any] = {"t [s]": self.time}
         psi = theta = None
         if self.quat_nb is not None:
             psi, theta, gamma = self.euler.T
@@ -190,17 +190,12 @@ class Trajectory(Shown):
                 out["sigma_heading [arcmin]"] = np.minimum(heading, np.pi / 3**0.5) / ARCMIN
         return out
 
-    def to_pandas(self) -> Any:
-        """Return a table of `columns` (a pandas DataFrame).
-
-        Raises
-        ------
-        InputError
-            If pandas is not installed.
-        """
-        from schuler.record.views import pandas_module
-
-        return pandas_module().DataFrame(self.columns())
+    def to_dict(self) -> dict[str, Any]:
+        """Return the name, the number of rows, both ends, and 1 sigma at the last."""
+        return {
+            "name": self.name, "rows": len(self), "start": self.rows(slice(0, 1)).final,
+            "final": self.final, "sigma": self.sigma,
+        }  # fmt: skip
 
     def __str__(self) -> str:
         f = self.final

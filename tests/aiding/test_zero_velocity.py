@@ -9,7 +9,7 @@ from schuler.errors import InputError
 from schuler.motion import Manoeuvre, Route
 from schuler.sensors import GRADES
 from tests.alignment.moving.routes import fixes, heading_error, noisy, truth_of
-from tests.conftest import chi_square_band
+from tests.conftest import LONG, chi_square_band
 
 SPEC = GRADES["navigation-fog"]
 
@@ -61,7 +61,7 @@ def test_rest_is_found_before_and_after_a_drive():
 
 @pytest.mark.slow
 def test_rest_before_and_after_a_drive_counts_for_the_heading():
-    """12 runs: sigma is the bound, well below that without rest, and true (false alarm 2e-3)."""
+    """Sigma is the bound, well below that without rest, and true (false alarm 2e-3)."""
     perfect = stand_drive_stand()
     rest = ZeroVelocity([(0.0, 60.0), (94.0, 154.0)], sigma=0.005)
     plan = fixes(perfect, first=1.0)
@@ -71,7 +71,7 @@ def test_rest_before_and_after_a_drive_counts_for_the_heading():
         for aids in (plan, [plan, rest])
     )
     assert bound < 0.75 * alone
-    nees, runs = 0.0, 12
+    nees, runs = 0.0, 24 if LONG else 3
     for seed in range(runs):
         rng = np.random.default_rng(seed)
         fix = sc.align(

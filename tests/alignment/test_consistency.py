@@ -14,7 +14,7 @@ from schuler.alignment.assessment import UNIFORM_SIGMA
 from schuler.alignment.consistency import FALSE_ALARM, axes_test
 from schuler.alignment.debias import without_gyro_bias
 from schuler.attitude import multiply, quat_to_euler, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
-from schuler.constants import ARCMIN, DEG_PER_HOUR
+from schuler.constants import ARCMIN, DEG, DEG_PER_HOUR
 from schuler.motion import DisturbedVehicle, Dwell, Static, Turn, Turntable
 from schuler.record import ImuRecord
 from schuler.sensors import GRADES
@@ -116,6 +116,52 @@ def test_axes_of_a_moving_base(gyro, accel, mirrored):
         assert any("axes" in text for text in fix.contradictions)
         assert any("mirror" in text for text in fix.contradictions) == mirrored
         assert fix.headline().endswith("no heading (sigma 104 deg)")
+
+
+@pytest.mark.parametrize("factor", [DEG, 1.0 / DEG])
+def test_gyros_of_a_moving_base_in_another_unit(factor):
+    """A swing that the force shows tells small gyros from acceleration: 10 deg/h may hide there."""
+    for seed in range(4):
+        site, spec = Site(-7.0), GRADES["navigation-fog"]
+        rng = np.random.default_rng(seed)
+        motion = DisturbedVehicle.with_crew(rng, 120.0, heading=rng.uniform(0.0, 360.0))
+        record = simulate(motion, site, 120.0, 25.0, spec, rng).record
+        fix = align(changed(record, factor * np.eye(3)), site, spec=spec)
+        assert not fix.consistent
+        if factor < 1.0:
+            assert any("rad/s, read as deg/s" in text for text in fix.contradictions)
+
+
+@pytest.mark.slow
+def test_a_bias_in_any_direction_is_told_or_held_by_sigma():
+    """100 records at rest with a bias of 30 times the specified one.
+
+    A test of two values at `DOUBT` that knows their noise misses 3 % of them, those whose bias
+    points east; once in ten thousand draws of this test it would miss more than are allowed.
+    """
+    missed = 0
+    for seed in range(100):
+        sim, site, spec = made(seed, length=120.0, rate=10.0)
+        axis = np.random.default_rng([seed, 1]).normal(size=3)
+        bias = 30.0 * spec.gyro.bias * axis / np.linalg.norm(axis)
+        fix = align(changed(sim.record, bias=bias), site, spec=spec)
+        missed += fix.consistent and abs(off(fix, sim.heading_deg())) > 3.0
+    assert missed <= binom.isf(1e-4, 100, 0.03)
+
+
+def test_more_bias_than_specified_widens_sigma_before_it_contradicts():
+    """As a north bias grows, nothing is said, then sigma holds it, then it is a contradiction."""
+    sim, site, spec = made(5, length=120.0, heading=0.0)
+    said, sigmas = [], []
+    for size in np.arange(0.0, 0.15, 0.01):
+        bias = [0.0, size * DEG_PER_HOUR, 0.0]
+        fix = align(changed(sim.record, bias=bias), site, spec=spec)
+        held = any("sigma holds that much" in text for text in fix.warnings)
+        said.append(2 if not fix.consistent else int(held))
+        sigmas.append(fix.heading_sigma_arcmin)
+    assert said == sorted(said)
+    assert set(said) == {0, 1, 2}
+    assert sigmas[said.index(1)] > 2.0 * sigmas[0]
 
 
 def test_the_axes_test_says_nothing_of_a_base_at_rest():

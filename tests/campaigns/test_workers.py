@@ -54,14 +54,8 @@ def wait_for(condition, seconds=90.0):
         time.sleep(0.005)
 
 
-@pytest.mark.parametrize(
-    "workers",
-    [
-        pytest.param((), marks=pytest.mark.long), ("--workers", "2"),
-        pytest.param(("--workers", "1"), marks=pytest.mark.long),
-    ],
-    ids=str,
-)  # fmt: skip
+@pytest.mark.long
+@pytest.mark.parametrize("workers", [(), ("--workers", "2"), ("--workers", "1")], ids=str)
 def test_any_number_of_workers_gives_the_same_bytes(scene_file, undisturbed, tmp_path, workers):
     finish(start(scene_file, tmp_path / "out", *RUNS, *workers))
     assert digest(tmp_path / "out" / "results.parquet") == undisturbed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +36,13 @@ class Ran:
     @property
     def warnings(self) -> list[str]:
         return [line for line in self.err.splitlines() if line.startswith("warning: ")]
+
+
+def found(text: str) -> dict[str, object]:
+    """Return what a JSON document found, without how it was made."""
+    data: dict[str, object] = json.loads(text)
+    del data["provenance"]
+    return data
 
 
 @pytest.fixture

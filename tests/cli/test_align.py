@@ -21,7 +21,7 @@ from schuler.constants import EARTH_RATE
 from schuler.earth import Site
 from schuler.record import ImuRecord
 
-from .conftest import HEADING, PLACE, SITE, Ran, as_text
+from .conftest import HEADING, PLACE, SITE, Ran, as_text, found
 
 Array = NDArray[np.float64]
 Run = Callable[..., Ran]
@@ -45,7 +45,7 @@ def result(run: Run, *arguments: object) -> dict[str, object]:
     """Run align with ``--json -`` and return the result."""
     ran = run("align", *arguments, "--json", "-")
     assert ran.code == 0, ran.err
-    data: dict[str, object] = json.loads(ran.out)
+    data: dict[str, object] = found(ran.out)
     return data
 
 
@@ -81,7 +81,7 @@ def test_text(run: Run, csv: Path) -> None:
 
 def test_json_is_pure_and_complete(run: Run, csv: Path) -> None:
     ran = run("align", csv, *PLACE, "--spec", "navigation-fog", "--json", "-")
-    data = json.loads(ran.out)
+    data = found(ran.out)
     assert ran.err == ASSUMED
     assert data["schema"] == "schuler.alignment/3"
     sigma = data["sigma_arcmin"]["up"]
@@ -113,7 +113,7 @@ def test_files_are_whole(run: Run, csv: Path, tmp_path: Path) -> None:
     out.write_text("old")
     ran = run("align", csv, *PLACE, "--json", out, "--report", page, "--windows", "20s")
     assert ran.code == 0
-    assert json.loads(out.read_text()) == result(run, csv, *PLACE, "--windows", "20s")
+    assert found(out.read_text()) == result(run, csv, *PLACE, "--windows", "20s")
     text = page.read_text(encoding="utf-8")
     assert text.startswith("<!doctype html>")
     assert text.endswith("</html>\n")
@@ -335,7 +335,7 @@ def test_demo(run: Run, tmp_path: Path) -> None:
     # The stated error in sigma: above six, one in 5e8 seeds.
     assert float(line.split("(")[1].split()[0]) < 6
     run("demo", "--out", tmp_path / "c", "--minutes", "1", "--seed", "3")
-    both = [(tmp_path / d / "demo.json").read_text() for d in ("a/b", "c")]
+    both = [found((tmp_path / d / "demo.json").read_text()) for d in ("a/b", "c")]
     assert both[0] == both[1]
 
 
@@ -362,7 +362,7 @@ def test_process(csv: Path, tmp_path: Path) -> None:
 def test_process_with_piped_input(csv: Path) -> None:
     done = schuler("align", "-", *PLACE, "--json", "-", input=csv.read_text())
     whole = schuler("align", csv, *PLACE, "--json", "-")
-    assert json.loads(done.stdout) == json.loads(whole.stdout)
+    assert found(done.stdout) == found(whole.stdout)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes end in another way there")

@@ -13,7 +13,7 @@ import pytest
 from schuler.constants import ARCMIN, DEG
 from schuler.io import write
 from tests.alignment.moving.routes import body_speed, fixes, heading_error, noisy
-from tests.alignment.moving.test_coarse import simulated
+from tests.in_motion.test_coarse import simulated
 
 from .conftest import Ran
 
@@ -99,13 +99,28 @@ def test_a_moving_record_without_aids_says_what_it_needs(run: Run, files: dict[s
     assert any("the vehicle moves" in line and "--gnss FILE" in line for line in ran.warnings)
 
 
+def test_windows_of_a_drive(run: Run, files: dict[str, Path], root: Path, tmp_path: Path) -> None:
+    schema = json.loads((root / "docs" / "alignment.schema.json").read_text(encoding="utf-8"))
+    command = arguments(files, "align", "I", "--gnss", "G", "--spec", "navigation-fog")
+    ran = run(*command, "--windows", "25s", "--json", tmp_path / "w.json")
+    assert ran.code == 0, ran.err
+    assert "median difference to the smoothed heading of the whole" in ran.out
+    data = json.loads((tmp_path / "w.json").read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator(schema).validate(data)
+    assert len(data["windows"]) >= 2
+    assert data["windows_refused"] == []
+    for each in data["windows"]:
+        # Once in 16,000 windows by chance.
+        assert abs(each["difference_arcmin"]) < 4.0 * each["difference_sigma_arcmin"]
+
+
 @pytest.mark.parametrize(
     ("more", "words"),
     [
         (("--lever", "0,0,1"), "--lever is for an alignment in motion"),
         (("--vibration", "0.1"), "--vibration is for an alignment in motion"),
         (("--gnss", "G", "--method", "kalman"), "method of its own"),
-        (("--gnss", "G", "--windows", "20s"), "method of its own"),
+        (("--gnss", "G", "--windows", "20h"), "no window of 72000 s is full"),
         (("--gnss", "G", "--follow"), "method of its own"),
         (("--gnss", "G", "--estimate", "scale"), "those of --odometer or --dvl"),
         (("--dvl", "D", *PLACE, "--estimate", "delay"), "those of --gnss"),

@@ -50,7 +50,7 @@ def test_table_and_fit(run: Run, still: Path) -> None:
     assert float(one[4]) == pytest.approx(100.0, rel=0.2)
     walks = [line.split("walk")[1].split() for line in lines if "angle random walk" in line]
     assert len(walks) == 3
-    for value, _, sigma, unit in walks:
+    for value, _, sigma, unit, *_ in walks:
         assert abs(float(value) - 0.2) < 4.5 * float(sigma)
         assert unit == "deg/sqrt(h)"
     assert sum("<" in line and "bias instability" in line for line in lines) == 6

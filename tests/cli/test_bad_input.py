@@ -168,7 +168,7 @@ ERRORS: dict[str, tuple[Make, str]] = {
     # files
     "missing file": (lambda f, x: ["align", f / "no.csv", *PLACE], "no.csv: there is no such file"),
     "missing file, info": (lambda f, x: ["info", f / "no.csv"], "there is no such file"),
-    "folder": (a_folder, "is a folder; name a file in it"),
+    "folder": (a_folder, "holds no record"),
     "empty": (content(b""), "is empty"),
     "blank lines only": (content("\n\n \n"), "is empty"),
     "comments only": (content("# a\n# b\n"), "has no data rows"),
@@ -294,7 +294,6 @@ ERRORS: dict[str, tuple[Make, str]] = {
     "unknown command": (lambda f, x: ["aline"], "No such command 'aline'"),
     "option without value": (said("--method"), "--method"),
     "no file": (lambda f, x: ["align", *PLACE], "FILE"),
-    "two files": (said("other.csv"), "other.csv"),
     "idle without follow": (said("--idle", "3"), "--idle goes with --follow"),
     "idle negative": (said("--follow", "--idle", "-1"), "idle"),
     "follow with windows": (said("--follow", "--windows", "10"), "leave out --windows"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import signal
@@ -18,7 +17,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from .conftest import PLACE, Ran, as_text
+from .conftest import PLACE, Ran, as_text, found
 
 Array = NDArray[np.float64]
 Run = Callable[..., Ran]
@@ -48,14 +47,14 @@ def schuler(*arguments: object) -> Iterator[subprocess.Popen[str]]:
 
 def expected(run: Run, csv: Path) -> dict[str, object]:
     ran = run("align", csv, *PLACE, "--json", "-")
-    data: dict[str, object] = json.loads(ran.out)
+    data: dict[str, object] = found(ran.out)
     return data
 
 
 def test_a_file_that_does_not_grow(run: Run, csv: Path) -> None:
     ran = run("align", csv, *PLACE, "--follow", "--idle", "0.1s", "--json", "-")
     assert ran.code == 0
-    assert json.loads(ran.out) == expected(run, csv)
+    assert found(ran.out) == expected(run, csv)
     assert any("± " in line for line in ran.err.splitlines())
 
 
@@ -74,7 +73,7 @@ def test_a_file_that_grows_from_nothing(run: Run, csv: Path, tmp_path: Path) -> 
         out_text, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
     assert "Traceback" not in err
-    assert json.loads(out.read_text()) == expected(run, csv)
+    assert found(out.read_text()) == expected(run, csv)
     assert out_text.splitlines()[-1].startswith("heading budget")
 
 
@@ -97,7 +96,7 @@ def test_a_pipe_that_stays_open(run: Run, csv: Path) -> None:
         # Nobody closes the pipe: the command ends by itself.
         out = process.stdout.read()
         assert process.wait(60) == 0
-    assert json.loads(out) == expected(run, csv)
+    assert found(out) == expected(run, csv)
 
 
 def test_a_pipe_that_says_nothing() -> None:
@@ -112,7 +111,7 @@ def test_a_pipe_that_ends(run: Run, csv: Path) -> None:
     with schuler("align", "-", *PLACE, "--follow", "--json", "-") as process:
         out, _ = process.communicate(csv.read_text(), timeout=300)
     assert process.returncode == 0
-    assert json.loads(out) == expected(run, csv)
+    assert found(out) == expected(run, csv)
 
 
 def test_interrupt_gives_the_result_so_far(csv: Path) -> None:

@@ -27,7 +27,7 @@ def test_run_writes_table_json_and_page(run, tmp_path):
     text = page.read_text(encoding="utf-8")
     assert "du2016" in text
     # A drawing of the headings, and one for each unit that has figures.
-    assert text.count("<figure>") == 1 + len({
+    assert text.count("<figure ") == 1 + len({
         row["unit"] for row in found["experiments"]["du2016"]["rows"]
         if any(row[key] is not None for key in ("printed", "document_method", "best", "limit"))
     })  # fmt: skip

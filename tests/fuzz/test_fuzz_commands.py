@@ -24,7 +24,7 @@ from schuler.cli.parameters import Count, InputFile, Number, OutputFile, Seconds
 pytest.importorskip("resource")
 
 SCALE = float(os.environ.get("SCHULER_FUZZ_SCALE", "1"))
-LINES = int(100 * SCALE) if SCALE > 1 else 50
+LINES = int(100 * SCALE) if SCALE > 1 else 30
 DEADLINE = float(os.environ.get("SCHULER_FUZZ_DEADLINE", "120"))
 """s; a quiet machine with compiled kernels keeps to 10."""
 

@@ -263,6 +263,7 @@ def test_a_filter_resumes_from_its_arrays(drive):
             made_filter(drive, aids).restore(arrays)
 
 
+@pytest.mark.compiled
 def test_measurements_may_come_with_the_stream(drive):
     record, _ = with_noise(drive, np.random.default_rng(1))
     position, velocity = fixes(drive, np.random.default_rng(2))
@@ -334,6 +335,7 @@ def test_the_smoother_is_consistent_and_better_in_the_middle(drive):
     assert np.max(better) < 0.7
 
 
+@pytest.mark.compiled
 def test_a_gate_refuses_outliers_and_is_never_locked_out(drive):
     record, biases = with_noise(drive, np.random.default_rng(1))
     position, velocity = fixes(drive, np.random.default_rng(2))
@@ -365,7 +367,9 @@ def test_a_gate_refuses_outliers_and_is_never_locked_out(drive):
     np.testing.assert_allclose(sum(step.budget.values()), step.covariance, rtol=1e-6, atol=1e-15)
 
 
-@pytest.mark.parametrize(("rule", "most"), [("huber", 0.6), ("igg3", 0.25)])
+@pytest.mark.parametrize(
+    ("rule", "most"), [pytest.param("huber", 0.6, marks=pytest.mark.compiled), ("igg3", 0.25)]
+)
 def test_robust_rules_weigh_outliers_down(drive, rule, most):
     record, biases = with_noise(drive, np.random.default_rng(1))
     position, velocity = fixes(drive, np.random.default_rng(2))
@@ -415,6 +419,7 @@ class Speed:
         return [speed - self.value[state.index]], [h], [self.sigma**2]
 
 
+@pytest.mark.compiled
 def test_a_user_s_own_measurement_is_like_any_other(drive):
     """A velocity given as three custom rows has the bits of the compiled kind, and may be mixed."""
 

@@ -134,6 +134,56 @@ def test_a_bad_file_is_one_sentence(tmp_path, content, layout, text):
         sc.read_trajectory(path, layout=layout)
 
 
+_ROWS = [(345600.0 + 0.1 * k, 48.0 + 1e-7 * k, 11.0, 500.0, 1.0, 2.0, -3.0, 40.0, 5.0, -6.0)
+         for k in range(3)]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("head", "order", "comma"),
+    [
+        ("GPSTime,Latitude,Longitude,H-Ell,VEast,VNorth,VUp,Heading,Pitch,Roll", (), ","),
+        ("GPSTime Latitude Longitude H-Ell VEast VNorth VUp Azimuth Pitch Roll\n"
+         "(sec) (deg) (deg) (m) (m/s) (m/s) (m/s) (deg) (deg) (deg)", (), " "),
+        ("time;lat;lon;alt;vel_e;vel_n;vel_u;yaw;pitch;roll", (), ";"),
+        ("t [ms],lat,lon,height [km],ve,vn,vu [km/h],heading,pitch,roll", (), ","),
+        ("", (0, 1, 2, 3, 5, 4, 6, 9, 8, 7), " "),
+    ],
+    ids=["export", "row of units", "semicolons", "other units", "kf-gins"],
+)  # fmt: skip
+def test_tables_of_other_programs(tmp_path, head, order, comma):
+    rows = np.array(_ROWS)
+    if "[ms]" in head:
+        rows[:, [0, 3, 6]] *= [1e3, 1e-3, 3.6]
+    if not head:
+        rows = np.column_stack([np.full(3, 2200.0), rows[:, order]])
+        rows[:, 7] *= -1.0
+    path = tmp_path / "master.txt"
+    lines = [comma.join(f"{x:.10g}" for x in row) for row in rows]
+    path.write_text("\n".join(([head] if head else []) + lines) + "\n")
+    found = read_trajectory(path)
+    assert found.time == pytest.approx(np.array(_ROWS)[:, 0])
+    assert np.rad2deg(found.lat) == pytest.approx(np.array(_ROWS)[:, 1])
+    assert found.height == pytest.approx(500.0)
+    assert found.v_n[0] == pytest.approx([1.0, 2.0, -3.0])
+    assert np.rad2deg(found.euler[0]) == pytest.approx([-40.0, 5.0, -6.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("1 2 3 4\n2 2 3 4\n", "4 columns have no names"),
+        ("0.5" + " 1" * 10 + "\n0.5" + " 2" * 10 + "\n", "no weeks"),
+        ("t,lat,lon,height [furlong]\n0,1,2,3\n", "the unit of height must be one of"),
+        ("t,lat,lon,height\n0,1,2,3\n1,x,2,3\n", "data row 2 has a cell that is not a number"),
+    ],
+)
+def test_a_table_that_cannot_be_understood(tmp_path, text, said):
+    path = tmp_path / "master.txt"
+    path.write_text(text)
+    with pytest.raises(InputError, match=said):
+        read_trajectory(path)
+
+
 def test_damaged_npz_is_one_sentence(tmp_path):
     path = tmp_path / "bad.npz"
     path.write_bytes(b"PK\x03\x04 nothing of the kind")

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from schuler.alignment.moving.body import BodyPass, body_rows
 from schuler.attitude import quat_to_matrix, rotvec_to_quat
 from schuler.errors import InputError
+from schuler.in_motion.body import BodyPass, body_rows
 from schuler.record import ImuRecord
 from tests.conftest import pieces
 

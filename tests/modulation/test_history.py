@@ -94,14 +94,15 @@ def test_without_errors_there_is_nothing_to_compare(case):
 
 def test_page_and_pictures_are_drawn(history, tmp_path):
     pytest.importorskip("plotly")
-    from schuler.reports.rotation import history_picture, history_report
+    from schuler.reports import report
+    from schuler.reports.results import write_plot
 
-    history_report(history, tmp_path / "h.html")
+    report(history, tmp_path / "h.html")
     page = (tmp_path / "h.html").read_text(encoding="utf-8")
     assert "less by one axis" in page
     with pytest.raises(InputError, match="png or"):
-        history_picture(history, tmp_path / "h.gif")
+        write_plot(history, tmp_path / "h.gif")
     pytest.importorskip("matplotlib")
     for suffix, mark in ((".png", b"\x89PNG"), (".svg", b"<?xml")):
-        history_picture(history, tmp_path / f"h{suffix}")
+        write_plot(history, tmp_path / f"h{suffix}")
         assert (tmp_path / f"h{suffix}").read_bytes().startswith(mark)

@@ -186,7 +186,7 @@ def test_two_positions_with_few_runs():
     assert rows["wide P0"][0].document_method < up.document_method
     assert nees.best < 3.0
     assert all(row.printed is None for row in found.rows)
-    assert [figure.y for figure in found.figures] == ["sigma, arcmin"] * 5
+    assert [figure.y for figure in found.drawn] == ["sigma, arcmin"] * 5
 
 
 def test_the_printed_filter_is_level_at_the_second_position():
@@ -246,7 +246,7 @@ def test_a_changed_condition_is_said_and_acts(gyros):
     assert not gyros.errata[0].startswith("Changed")
     assert any(row.quantity.endswith("latitude 10, psi 90") for row in moved.rows)
     assert len(moved.rows) == len(gyros.rows) - 1
-    assert moved.figures[0].x == "psi, counter-clockwise from north, deg"
+    assert moved.drawn[0].x == "psi, counter-clockwise from north, deg"
 
 
 @pytest.mark.slow
@@ -265,7 +265,7 @@ def test_decomposition_with_few_runs():
     assert last.best < 4.0 * last.limit
     settled = found.row("settled within 10' of the truth, no prefilter")
     assert settled.document_method is None or 100.0 < settled.document_method <= 300.0
-    assert {figure.y for figure in found.figures} == {
+    assert {figure.y for figure in found.drawn} == {
         "azimuth error, arcmin", "velocity, m/s", "mean square, m²/s²"
     }  # fmt: skip
 

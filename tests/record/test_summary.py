@@ -130,6 +130,7 @@ def test_dictionary_speaks_the_field_s_units():
 FRD = [[0, 1, 0], [1, 0, 0], [0, 0, -1]]
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -158,6 +159,7 @@ def test_a_hint_for_each_usual_mistake(change, words):
     assert words in found[0]
 
 
+@pytest.mark.compiled
 def test_a_large_bias_that_is_declared_is_no_mistake():
     record = changed(standing(7200, rate=10.0), gyro=4.0)
     assert summary_of(record).hints(gyro_bias=1e-4) == []
@@ -173,6 +175,7 @@ def test_latitude_of_the_wrong_sign():
     assert "says latitude -34.2 deg, not 34.2 deg: is the sign of the latitude right?" in hint
 
 
+@pytest.mark.compiled
 def test_gyros_and_accelerometers_that_do_not_share_axes():
     record = standing(7200, rate=10.0)
     crossed = ImuRecord(record.time, record.dt, record.dtheta[:, [2, 0, 1]], record.dvel)
@@ -256,6 +259,7 @@ def test_a_unit_that_is_picked_up_is_at_rest_before():
     assert summary.quiet_seconds == pytest.approx(300.0, abs=31.0)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("seed", range(20))
 def test_a_truck_with_its_crew_is_at_rest(seed):
     from schuler.motion import DisturbedVehicle

@@ -16,9 +16,9 @@ def test_innovations_are_not_drawn_across_gaps() -> None:
         made.record, gnss.rows((time < 80.0) | (time > 100.0)), spec=SPEC, options=QUIET
     )
     line = _innovations(found, "gnss").figure.data[0]
-    broken = np.flatnonzero(np.isnan(line.y))
+    broken = np.flatnonzero(np.isnan(line["y"]))
     assert len(broken) == 1
-    assert line.x[broken[0] - 1] < 80.0 < 100.0 < line.x[broken[0] + 1]
+    assert line["x"][broken[0] - 1] < 80.0 < 100.0 < line["x"][broken[0] + 1]
 
 
 def test_biases_and_their_sigma_are_drawn_as_they_converge() -> None:
@@ -28,11 +28,11 @@ def test_biases_and_their_sigma_are_drawn_as_they_converge() -> None:
     assert len(drawn) == 6
     for axis in range(3):
         band, line = drawn[3 + axis].figure.data
-        half = len(band.y) // 2
-        width = np.asarray(band.y)[:half] - np.asarray(band.y)[half:][::-1]
+        half = len(band["y"]) // 2
+        width = np.asarray(band["y"])[:half] - np.asarray(band["y"])[half:][::-1]
         assert width[-1] < 0.5 * width[0]
         value, sigma = (np.array(x)[axis] for x in found.estimated["accel_bias_ug"])
-        np.testing.assert_allclose(line.y[-1], value, rtol=1e-6)
+        np.testing.assert_allclose(line["y"][-1], value, rtol=1e-6)
         np.testing.assert_allclose(width[-1], 6.0 * sigma, rtol=1e-3)
 
 

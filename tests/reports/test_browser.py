@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import csv
+import json
 import re
 import shutil
 import subprocess
+from html import unescape
+from io import StringIO
 from pathlib import Path
 
 import pytest
 
 from schuler.alignment import align, align_windows
 from schuler.reports import report
+from schuler.reports.results import page_of
 
 from .test_report import HOSTILE, SITE, record
 
@@ -87,3 +92,38 @@ def test_a_page_without_specification(chromium: str, tmp_path: Path) -> None:
     dom, log = visit(chromium, page, tmp_path / "profile")
     assert 'data-drawn="6"' in dom
     assert "Uncaught" not in log
+
+
+def test_a_figure_is_saved_as_it_is(chromium: str, page: Path, tmp_path: Path) -> None:
+    """The page's own tables are those of `Figure.to_csv`, and its pictures are SVG."""
+    text = page.read_text(encoding="utf-8")
+    probe = (
+        "<script>(async () => {const s = window.schulerFigures;"
+        "const out = s.figures.map(([t, f]) => s.table(f));"
+        "const svg = await s.picture(s.figures[0][1], 'svg');"
+        "const told = document.createElement('pre'); told.id = 'told';"
+        "told.textContent = JSON.stringify([out, svg.slice(0, 40)]);"
+        "document.body.append(told);})()</script></body>"
+    )
+    there = tmp_path / "probe.html"
+    there.write_text(text.replace("</body>", probe), encoding="utf-8")
+    dom, _ = visit(chromium, there, tmp_path / "profile")
+    assert dom.count('aria-label="Save the figure convergence as ') == 3
+    found = re.search(r'<pre id="told">(.*?)</pre>', dom, re.DOTALL)
+    assert found is not None
+    tables, svg = json.loads(unescape(found[1]))
+    assert svg.startswith("data:image/svg+xml")
+    windows = align_windows(record(120.0, 20.0, HOSTILE), SITE, 30.0, spec="navigation-fog")
+    drawings = page_of(windows).drawings
+    assert len(tables) == len(drawings)
+    for text, drawing in zip(tables, drawings, strict=True):
+        ours = list(csv.reader(StringIO(drawing.figure.to_csv())))
+        theirs = list(csv.reader(StringIO(text)))
+        assert theirs[0] == ours[0]
+        assert [row[0] for row in theirs] == [row[0] for row in ours]
+        for column in (1, 2):
+            same = [
+                a[column] == b[column] or float(a[column]) == pytest.approx(float(b[column]))
+                for a, b in zip(ours[1:], theirs[1:], strict=True)
+            ]
+            assert all(same)

@@ -82,9 +82,9 @@ def test_json_table_and_text_say_the_same(rng, tmp_path):
     assert [e["action"] for e in data["events"]] == list(found.to_pandas()["action"])
     assert "false alarms 0.0001 a window" in str(found)
     pytest.importorskip("plotly")
-    from schuler.reports.array import faults_report
+    from schuler.reports import report
 
-    faults_report(found, tmp_path / "f.html")
+    report(found, tmp_path / "f.html")
     assert "What the test finds" in (tmp_path / "f.html").read_text(encoding="utf-8")
 
 

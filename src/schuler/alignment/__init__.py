@@ -5,6 +5,7 @@ from __future__ import annotations
 from schuler.alignment.aligner import Aligner
 from schuler.alignment.bound import Limit, Position, limit, load_positions, position_limit
 from schuler.alignment.compare import Comparison, compare
+from schuler.alignment.compare_records import RecordComparison, compare_records
 from schuler.alignment.convergence import Convergence, convergence
 from schuler.alignment.latitude import LatitudeFix, align_without_latitude
 from schuler.alignment.limit_table import LimitTable, limit_table
@@ -23,6 +24,7 @@ from schuler.alignment.moving.manoeuvres import VEHICLES, DrivePlan, plan_drive
 from schuler.alignment.moving.path_bound import PathLimit, limit_on, planned_fixes, record_on
 from schuler.alignment.moving.planned import PathTable, PlannedAid, path_table
 from schuler.alignment.moving.result import MovingAlignment
+from schuler.alignment.moving.windows import MovingWindows, align_moving_windows
 from schuler.alignment.next_position import Fixture, Suggestion, suggest_position
 from schuler.alignment.result import Alignment
 from schuler.alignment.run import align
@@ -60,20 +62,24 @@ __all__ = [
     "LiveSession",
     "Method",
     "MovingAlignment",
+    "MovingWindows",
     "PathLimit",
     "PathTable",
     "PlannedAid",
     "Position",
     "Problem",
+    "RecordComparison",
     "Residual",
     "Suggestion",
     "Windows",
     "align",
+    "align_moving_windows",
     "align_windows",
     "align_without_latitude",
     "analytic_error",
     "bias_formula",
     "compare",
+    "compare_records",
     "convergence",
     "inertial_error",
     "inertial_frame_error",

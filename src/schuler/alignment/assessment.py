@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.consistency import (
+    FALSE_ALARM,
     Contradiction,
     bias_sigma,
     check,
@@ -122,10 +123,17 @@ def assess(
                 budget = {**found.budget, "gyro_bias": larger.budget["gyro_bias"]}
                 larger = replace(found, budget=budget)
         found = larger
+    shown = result.earth_rate
     if result.least_bias > 0.0 and spec is None:
         notes.append(
             "the record shows a gyro bias of at least "
             f"{result.least_bias / DEG_PER_HOUR:.2g} deg/h, which sigma holds"
+        )
+    elif result.least_bias > 0.0 and shown is not None and shown.probability >= FALSE_ALARM:
+        notes.append(
+            f"the record shows a gyro bias of about {result.least_bias / DEG_PER_HOUR:.2g} deg/h, "
+            f"as one good record in {1.0 / shown.probability:.0f} of the specified instrument "
+            "does: sigma holds that much"
         )
     if any(each.kind == "axes" for each in result.contradictions):
         found = _without_heading(found)

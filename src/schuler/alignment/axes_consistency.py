@@ -1,9 +1,10 @@
-"""Whether gyros and accelerometers name the same axes: f must turn in the body as w says.
+"""Whether gyros and accelerometers name the same axes, in one unit: f must turn as w says.
 
 For the low frequencies of a base that moves, f = f0 - theta x f0 + a, with the gyros' angle theta
 and an acceleration `a` of unknown spectrum; a lever arm adds a part proportional to frequency
 squared. The likelihood of this, with the acceleration's spectrum estimated in bands, is compared
-over all 48 ways of naming the gyros' axes.
+over all 48 ways of naming the gyros' axes, and with gyros that were read as degrees for radians or
+radians for degrees.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.history import History
+from schuler.constants import DEG
 from schuler.kernels.states import TrackerNode
 
 __all__ = ["AXES_MARGIN", "AxesTest", "axes_test", "axes_text"]
@@ -52,23 +54,30 @@ class AxesTest:
         The best naming, as ``-x,-y,-z``; ``x,y,z`` where the given one is the best.
     mirrored : bool
         Whether both triads in a mirror would fit as well: it looks like gyros of the other sign.
+    scale : float
+        What the gyros must be multiplied by to fit best; 1 where the given unit does.
     """
 
     margin: float
     axes: str
     mirrored: bool
+    scale: float = 1.0
 
 
 _DIGITS = 1e-13
 """Part of a sum of squares below which its difference to another is rounding."""
 
 
+_SCALES = (1.0 / DEG, DEG)
+"""What gyros of a wrong unit are multiplied by."""
+
+
 @lru_cache(maxsize=1)
 def _namings() -> tuple[Array, tuple[str, ...]]:
-    """Return what the gyros are tried as (50, 3, 3), and the names of the first 48.
+    """Return what the gyros are tried as (52, 3, 3), and the names of the first 48.
 
-    The 48 signed permutations, the identity first; then both triads in a mirror, which turns as
-    gyros of the other sign; and no turn at all: the gyros show their noise.
+    The 48 signed permutations, the identity first; the given axes in other units; both triads in a
+    mirror, which turns as gyros of the other sign; and no turn at all: the gyros show their noise.
     """
     found, names = [], []
     for order in permutations(range(3)):
@@ -81,7 +90,8 @@ def _namings() -> tuple[Array, tuple[str, ...]]:
                     f"{'-' if s < 0 else ''}{'xyz'[k]}" for k, s in zip(order, signs, strict=True)
                 )
             )
-    return np.array([*found, -np.eye(3), np.zeros((3, 3))]), tuple(names)
+    scaled = [scale * np.eye(3) for scale in _SCALES]
+    return np.array([*found, *scaled, -np.eye(3), np.zeros((3, 3))]), tuple(names)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,6 +165,8 @@ def axes_test(h: History, spans: Sequence[tuple[float, float]] | None = None) ->
     margin = float(log[best] - max(log[0], log[-1]))
     if margin < AXES_MARGIN:
         return AxesTest(max(margin, 0.0), names[0], mirrored=False)
+    if best >= len(names):
+        return AxesTest(margin, names[0], mirrored=False, scale=_SCALES[best - len(names)])
     return AxesTest(margin, names[best], mirrored=bool(log[-2] > log[best] - 3.0))
 
 
@@ -243,6 +255,12 @@ def _log_likelihood(turned: Spectrum, seen: Spectrum, turning: Array, bands: _Ba
 
 def axes_text(found: AxesTest) -> str:
     """Return the sentence of a contradiction."""
+    if found.scale != 1.0:
+        return (
+            f"the force turns in the body by {found.scale:.3g} times what the gyros say: are they "
+            f"in {'deg/s, read as rad/s' if found.scale < 1.0 else 'rad/s, read as deg/s'}? Say "
+            "what they are (--gyro)"
+        )
     if found.mirrored:
         return (
             "the force turns in the body against the gyros, as in a mirror: two axes are exchanged "

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler._notebook import Shown
+from schuler._result import Result, table_of_rows
 from schuler.alignment.aligner import Aligner
 from schuler.alignment.convergence import heading_history
 from schuler.alignment.method import Method
@@ -80,7 +80,7 @@ class Row:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison(Shown):
+class Comparison(Result):
     """Rows of methods on one record.
 
     Parameters
@@ -121,6 +121,10 @@ class Comparison(Shown):
             "consistent": self.consistent, "contradictions": list(self.contradictions),
             "rows": [row.to_dict() for row in self.rows],
         }  # fmt: skip
+
+    def columns(self) -> dict[str, Any]:
+        """Return a row to each method and prefilter."""
+        return table_of_rows([row.to_dict() for row in self.rows])
 
     def __str__(self) -> str:
         def cell(value: float | None, form: str, unit: str = "") -> str:

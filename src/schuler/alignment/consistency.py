@@ -30,6 +30,7 @@ from schuler.record import Summary
 from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
 
 __all__ = [
+    "DOUBT",
     "FALSE_ALARM",
     "Consistency",
     "Contradiction",
@@ -43,6 +44,12 @@ Array = NDArray[np.float64]
 
 FALSE_ALARM = 3e-4
 """Probability that a test of a good record contradicts it."""
+
+DOUBT = 0.003
+"""Chance of the gyro bias that a record shows below which sigma holds more than the specified one.
+
+Between it and `FALSE_ALARM` nothing is contradicted; three good records in 1,000 come below it.
+"""
 
 _LEAST_DEFLECTION = 0.1 * ARCSEC
 """No level is known better, and no accelerometer is tested beyond it, rad."""
@@ -257,7 +264,8 @@ def earth_rate_test(
     prior = normal.priors(scale, accel, (np.inf, np.inf, yaw))
     seen = _Observable.of(normal, "gyro", prior, scale)
     probability = seen.probability(gyro)
-    least = max(gyro, seen.likely()) if probability < FALSE_ALARM else gyro
+    doubted = FALSE_ALARM if spec is None else DOUBT
+    least = max(gyro, seen.likely()) if probability < doubted else gyro
     bias = seen.bias
     held = _Observable.of(normal, "accelerometer", prior, accel)
     return EarthRateTest(
@@ -363,8 +371,9 @@ def check(
         t = 0.5 * float(thin.t[middle] + thin.t[middle + 1])
         c_nb = inertial_to_local(t, site.latitude) @ best.attitude[middle]
         found = earth_rate_test(best, site, spec, c_nb[2], c_nb[1])
-        if found.probability < FALSE_ALARM:
+        if found.probability < (FALSE_ALARM if spec is None else DOUBT):
             least = found.least_bias
+        if found.probability < FALSE_ALARM:
             bias = 0.0 if spec is None else spec.gyro.bias
             text = _earth_rate_text(found, site, summary.mean_rate, c_nb[2], bias)
             if spec is not None or (least > _GROSS and "it would be consistent" in text):

@@ -11,11 +11,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler._notebook import Shown
+from schuler._result import Result
 from schuler.alignment.aligner import Aligner
 from schuler.alignment.history import inertial_to_local
 from schuler.alignment.result import Alignment
@@ -39,7 +40,7 @@ _STEEPEST = 85.0 * DEG
 
 
 @dataclass(frozen=True, eq=False)
-class LatitudeFix(Shown):
+class LatitudeFix(Result):
     """Latitude and attitude.
 
     Parameters
@@ -53,6 +54,14 @@ class LatitudeFix(Shown):
     latitude: float
     sigma: float
     alignment: Alignment
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the alignment's document with the latitude and its 1-sigma."""
+        return {
+            **self.alignment.to_dict(),
+            "latitude_deg": self.latitude / DEG,
+            "latitude_sigma_deg": self.sigma / DEG,
+        }
 
     def __str__(self) -> str:
         side = "N" if self.latitude >= 0 else "S"

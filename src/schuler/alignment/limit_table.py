@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from schuler._notebook import Shown
+from schuler._result import Result, table_of_rows
 from schuler.alignment.bound import Limit, Position, position_limit
 from schuler.alignment.next_position import Suggestion
 from schuler.constants import DEG_PER_HOUR, MICRO_G
@@ -14,16 +14,13 @@ from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.sensors import ImuSpec
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-__all__ = ["LimitTable", "limit_table"]
+__all__ = ["LimitTable", "limit_columns", "limit_table"]
 
 _AXES = ("east", "north", "up")
 
 
 @dataclass(frozen=True, eq=False)
-class LimitTable(Shown):
+class LimitTable(Result):
     """Limits of tests of several lengths.
 
     Parameters
@@ -68,19 +65,9 @@ class LimitTable(Shown):
             }  # fmt: skip
         return data
 
-    def to_pandas(self) -> pd.DataFrame:
-        """Return the limits as a table, one row to a length."""
-        import pandas as pd
-
-        rows = []
-        for row in self.to_dict()["rows"]:
-            cells = {"time [s]": row["time_s"]}
-            cells |= {f"sigma {axis} [arcmin]": v for axis, v in row["sigma_arcmin"].items()}
-            for key, name in (("gyro_bias_deg_h", "gyro bias {} [deg/h]"),
-                              ("accelerometer_bias_ug", "accelerometer bias {} [ug]")):  # fmt: skip
-                cells |= {name.format(axis): v for axis, v in zip("xyz", row[key], strict=True)}
-            rows.append(cells)
-        return pd.DataFrame(rows)
+    def columns(self) -> dict[str, Any]:
+        """Return the limits, one row to a length."""
+        return limit_columns(self.to_dict()["rows"])
 
     def __str__(self) -> str:
         lines = [
@@ -104,6 +91,19 @@ class LimitTable(Shown):
                 f"{self.suggested.limit.sigma_arcmin[2]:.4g}'"
             )
         return "\n".join(lines)
+
+
+def limit_columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the rows of a table of limits as columns named with their units."""
+    out = []
+    for row in rows:
+        cells = {"time [s]": row["time_s"]}
+        cells |= {f"sigma {axis} [arcmin]": v for axis, v in row["sigma_arcmin"].items()}
+        for key, name in (("gyro_bias_deg_h", "gyro bias {} [deg/h]"),
+                          ("accelerometer_bias_ug", "accelerometer bias {} [ug]")):  # fmt: skip
+            cells |= {name.format(axis): v for axis, v in zip("xyz", row[key], strict=True)}
+        out.append(cells)
+    return table_of_rows(out)
 
 
 def limit_table(

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler._notebook import Shown, bar, card
+from schuler._notebook import bar, card
+from schuler._result import Result
 from schuler.alignment.history import History
 from schuler.alignment.method import Method
 from schuler.alignment.stationary.kalman import FilterHistory
@@ -41,7 +42,7 @@ STEEP = 89.0
 
 
 @dataclass(frozen=True, eq=False)
-class Alignment(Shown):
+class Alignment(Result):
     """Where the body points, how sure that is, and why.
 
     Parameters

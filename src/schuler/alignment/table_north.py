@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler._notebook import Shown
+from schuler._result import Result, table_of_rows
 from schuler.constants import DEG, DEG_PER_HOUR, EARTH_RATE
 from schuler.errors import InputError
 
@@ -34,7 +34,7 @@ _TUNING = 6.0
 
 
 @dataclass(frozen=True, eq=False)
-class TableNorth(Shown):
+class TableNorth(Result):
     """North by an indexing table.
 
     Parameters
@@ -109,6 +109,10 @@ class TableNorth(Shown):
                                          self.clipped, strict=True)
             ],
         }  # fmt: skip
+
+    def columns(self) -> dict[str, Any]:
+        """Return a row to each dwell."""
+        return table_of_rows(self.to_dict()["rows"])
 
     def __str__(self) -> str:
         sigma = np.sqrt(np.diag(self.covariance)) / DEG_PER_HOUR

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler._notebook import Shown
+from schuler._result import Result, table_of_rows
 from schuler.alignment.aligner import Aligner
 from schuler.alignment.method import Method
 from schuler.alignment.result import Alignment
@@ -27,7 +27,7 @@ _KEPT = 256
 
 
 @dataclass(frozen=True, eq=False)
-class Windows(Shown):
+class Windows(Result):
     """The alignment of the whole span, and of each window in it.
 
     Parameters
@@ -72,6 +72,10 @@ class Windows(Shown):
             "mean_heading_deg": self.mean_heading_deg,
             "std_heading_arcmin": self.std_heading_arcmin,
         }
+
+    def columns(self) -> dict[str, Any]:
+        """Return a row to each window."""
+        return table_of_rows(self.to_dict()["windows"])
 
     def __str__(self) -> str:
         std = self.std_heading_arcmin

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from schuler.allan_variance.density import Densities, Density, densities
 from schuler.allan_variance.deviation import AllanSums, allan, allan_deviation
+from schuler.allan_variance.export import export_noise, noise_text
 from schuler.allan_variance.fit import ChannelFit, NoiseFit, NoiseTerm, fit_noise
 from schuler.allan_variance.result import Allan
 
@@ -10,9 +12,14 @@ __all__ = [
     "Allan",
     "AllanSums",
     "ChannelFit",
+    "Densities",
+    "Density",
     "NoiseFit",
     "NoiseTerm",
     "allan",
     "allan_deviation",
+    "densities",
+    "export_noise",
     "fit_noise",
+    "noise_text",
 ]

@@ -14,10 +14,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._result import Result
 from schuler.allan_variance.deviation import Allan
 from schuler.allan_variance.theory import (
     NOISES,
@@ -30,7 +33,7 @@ from schuler.allan_variance.theory import (
 from schuler.errors import InputError
 from schuler.sensors.errors import AccelerometerSpec, GyroSpec, ImuSpec
 
-__all__ = ["ChannelFit", "NoiseFit", "NoiseTerm", "fit_noise"]
+__all__ = ["MOVED", "ChannelFit", "NoiseFit", "NoiseTerm", "fit_noise"]
 
 Array = NDArray[np.float64]
 
@@ -40,7 +43,7 @@ _DEMANDED = 9.0
 _UNLIKELY = 1e-3
 """Below this probability of the chi-square the model is said to miss the curve."""
 
-_MOVED = 0.8
+MOVED = 0.8
 """A larger misfit is motion and no noise."""
 
 _LEAST = 6
@@ -105,11 +108,28 @@ class ChannelFit:
 
 
 @dataclass(frozen=True, eq=False)
-class NoiseFit:
+class NoiseFit(Result):
     """The noise of each channel of a record, and what it was found from."""
 
     source: Allan
     channels: dict[str, ChannelFit] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return deviations and fit with the keys of the JSON schema `schuler.allan/2`."""
+        from schuler.allan_variance.output import to_dict
+
+        return to_dict(self.source, self)
+
+    def columns(self) -> dict[str, Any]:
+        """Return averaging times, and deviation, bounds and fitted curve of each channel."""
+        from schuler.allan_variance.output import columns
+
+        return columns(self.source, self)
+
+    def __str__(self) -> str:
+        from schuler.allan_variance.output import fit_lines
+
+        return "\n".join(fit_lines(self))
 
     def parts(self, channel: str, tau: Array) -> Array:
         """Return the fitted deviation of each term (k, 5) at averaging times (s)."""
@@ -120,6 +140,30 @@ class NoiseFit:
         """Return the fitted deviation (k,) at averaging times (s)."""
         return np.asarray(np.sqrt(np.sum(self.parts(channel, tau) ** 2, axis=1)))
 
+    def export(
+        self, tool: str, path: str | Path, *, inflate: float = 1.0, topic: str = "/imu0"
+    ) -> None:
+        """Write another tool's file of noise parameters; see `schuler.allan_variance.export`.
+
+        Parameters
+        ----------
+        tool : {"kalibr", "openvins", "vins", "px4", "ros"}
+        path : str or Path
+        inflate : float
+            What all densities are multiplied by.
+        topic : str
+            Of the IMU's messages, for tools that name it.
+
+        Raises
+        ------
+        InputError
+            For another tool, a factor that is not positive, a record in motion, or if the file
+            cannot be written.
+        """
+        from schuler.allan_variance.export import export_noise
+
+        export_noise(self, tool, path, inflate=inflate, topic=topic)
+
     def warnings(self) -> list[str]:
         """Return where the terms do not meet the curve, in a sentence."""
         out = []
@@ -127,7 +171,7 @@ class NoiseFit:
             off = [
                 f"{c} ({100 * f.misfit:.0f} %)"
                 for c, f in self.channels.items()
-                if f.misfit > 0.0 and (f.misfit > _MOVED) == moved
+                if f.misfit > 0.0 and (f.misfit > MOVED) == moved
             ]
             if off and moved:
                 out.append(

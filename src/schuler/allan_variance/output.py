@@ -8,12 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from schuler._files import replacing
+from schuler.allan_variance.density import UNITS_SI
 from schuler.allan_variance.fit import NoiseFit, NoiseTerm
 from schuler.allan_variance.result import Allan
 from schuler.errors import InputError
 from schuler.units import to_unit
 
-__all__ = ["curve_lines", "fit_lines", "save_spec", "spoken", "to_dict", "unit_of"]
+__all__ = [
+    "columns", "curve_lines", "fit_lines", "in_si", "save_spec", "si_unit", "spoken", "to_dict",
+    "unit_of",
+]  # fmt: skip
 
 
 def unit_of(channel: str) -> str:
@@ -34,13 +38,26 @@ def spoken(term: NoiseTerm) -> str:
     return f"{_digits(value, 4)} ± {_digits(sigma, 2)} {term.unit}"
 
 
-def _in_json(term: NoiseTerm) -> dict[str, Any]:
+def in_si(channel: str, place: int, term: NoiseTerm) -> str:
+    """Return the term at a place of a channel's fit in SI, as ``1.456e-05 rad/s/sqrt(Hz)``."""
+    unit = si_unit(channel, place)
+    return f"< {term.below:.3g} {unit}" if term.value is None else f"{term.value:.4g} {unit}"
+
+
+def si_unit(channel: str, place: int) -> str:
+    """Return the SI unit of the term at a place (Q, N, B, K, R) of a channel's fit."""
+    return UNITS_SI["gyro" if channel.startswith("gyro") else "accel"][place]
+
+
+def _in_json(channel: str, place: int, term: NoiseTerm) -> dict[str, Any]:
     seen = term.value is not None and term.sigma is not None
     sigma = term.sigma if seen else term.below / 1.645
     return {
         "value": to_unit(term.value or 0.0, term.unit),
         "unit": term.unit,
         "sigma": to_unit(sigma or 0.0, term.unit),
+        "value_si": term.value or 0.0,
+        "unit_si": si_unit(channel, place),
     }
 
 
@@ -63,7 +80,10 @@ def to_dict(found: Allan, fit: NoiseFit | None = None) -> dict[str, Any]:
         one["fit"] = None
         if fit is not None:
             terms = fit.channels[name].terms
-            one["fit"] = {term: _in_json(value) for term, value in terms.items()}
+            one["fit"] = {
+                term: _in_json(name, place, value)
+                for place, (term, value) in enumerate(terms.items())
+            }
         channels[name] = one
     return {
         "schema": "schuler.allan/2",
@@ -71,6 +91,21 @@ def to_dict(found: Allan, fit: NoiseFit | None = None) -> dict[str, Any]:
         "tau_s": [float(t) for t in found.tau],
         "channels": channels,
     }
+
+
+def columns(found: Allan, fit: NoiseFit | None = None) -> dict[str, Any]:
+    """Return a table: averaging time, and of each channel deviation, bounds and fitted curve."""
+    out: dict[str, Any] = {"tau [s]": found.tau}
+    for k, name in enumerate(found.channels):
+        unit = unit_of(name)
+        factor = to_unit(1.0, unit)
+        for what, values in (
+            ("", found.deviation), (" lower", found.lower), (" upper", found.upper),
+        ):  # fmt: skip
+            out[f"{name}{what} [{unit}]"] = factor * values[:, k]
+        if fit is not None:
+            out[f"{name} fit [{unit}]"] = factor * fit.curve(name, found.tau)
+    return out
 
 
 def curve_lines(found: Allan) -> list[str]:
@@ -89,11 +124,14 @@ def curve_lines(found: Allan) -> list[str]:
 
 def fit_lines(fit: NoiseFit) -> list[str]:
     """Return the fitted terms: a line to each channel and term."""
-    lines = ["noise, ± 1 sigma (<: not seen in this record, under this with 95 %)"]
+    lines = ["noise, ± 1 sigma, and in SI (<: not seen in this record, under this with 95 %)"]
     for name, part in fit.channels.items():
         for k, (term, value) in enumerate(part.terms.items()):
             label = name if k == 0 else ""
-            lines.append(f"{label:>10}  {term.replace('_', ' '):<24}  {spoken(value)}")
+            lines.append(
+                f"{label:>10}  {term.replace('_', ' '):<24}  {spoken(value):<32}  "
+                f"{in_si(name, k, value)}"
+            )
     return lines
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._result import Result
 from schuler.allan_variance.theory import Kind
 from schuler.errors import InputError
 
@@ -18,7 +20,7 @@ Lags = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Allan:
+class Allan(Result):
     """Deviations against averaging time, with what they are worth.
 
     Parameters
@@ -56,6 +58,23 @@ class Allan:
     stride: Lags
     bridged: int = 0
     name: str = "record"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the deviations with the keys of the JSON schema `schuler.allan/2`, no fit."""
+        from schuler.allan_variance.output import to_dict
+
+        return to_dict(self)
+
+    def columns(self) -> dict[str, Any]:
+        """Return averaging times, and deviation with its bounds of each channel."""
+        from schuler.allan_variance.output import columns
+
+        return columns(self)
+
+    def __str__(self) -> str:
+        from schuler.allan_variance.output import curve_lines
+
+        return "\n".join(curve_lines(self))
 
     @property
     def duration(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from schuler.calibration.apply import Calibration
 from schuler.calibration.doppler import BodyVelocityFit, fit_body_velocity
+from schuler.calibration.export import export_calibration
 from schuler.calibration.poses import PosesFit, calibrate_poses, find_rests
 from schuler.calibration.systematic import NAMES as SYSTEMATIC_NAMES
 from schuler.calibration.systematic import SystematicFit, calibrate_systematic
@@ -33,6 +34,7 @@ __all__ = [
     "calibrate_rates",
     "calibrate_systematic",
     "combine",
+    "export_calibration",
     "find_rests",
     "fit_body_velocity",
     "positions_from_toml",

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler._notebook import Shown
+from schuler._result import Result
 from schuler.aiding import BodyVelocity
 from schuler.attitude import multiply, nearest_quat, quat_to_matrix, quat_to_rotvec, skew
 from schuler.constants import DEG
@@ -48,7 +48,7 @@ _UNSEEN = 5.0 * DEG
 
 
 @dataclass(frozen=True, eq=False)
-class BodyVelocityFit(Shown):
+class BodyVelocityFit(Result):
     """Scale factor and mounting of a Doppler log.
 
     Parameters

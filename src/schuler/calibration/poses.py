@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler._result import Result
 from schuler.calibration.apply import Calibration
 from schuler.constants import DEG
 from schuler.errors import InputError
@@ -37,8 +38,8 @@ _FAR = 0.2
 _FULL, _SIX = 10, 6
 
 
-@dataclass(frozen=True)
-class PosesFit:
+@dataclass(frozen=True, eq=False)
+class PosesFit(Result):
     """What hand-held poses tell.
 
     Parameters
@@ -63,6 +64,8 @@ class PosesFit:
         m/s^2.
     remarks : tuple of str
         What was found of the axes: gyros that are exchanged or reversed.
+    gravity_from : str
+        Where gravity is from, in words.
     """
 
     calibration: Calibration
@@ -77,11 +80,20 @@ class PosesFit:
     unseen: list[str]
     gravity: float
     remarks: tuple[str, ...] = ()
+    gravity_from: str = "as given"
 
     @property
     def rms(self) -> float:
         """Root mean square of |f| - gravity over the poses used, m/s^2."""
         return float(np.sqrt(np.mean(self.residual[self.used] ** 2)))
+
+    def columns(self) -> dict[str, Any]:
+        """Return a row to each pose: whether it was used, and by how much it misses gravity."""
+        return {
+            "pose": list(range(1, len(self.dwells) + 1)),
+            "used": self.used.tolist(),
+            "residual [m/s^2]": self.residual.tolist(),
+        }
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result with the keys of the JSON schema `schuler.calibrate-poses/2`."""
@@ -104,6 +116,7 @@ class PosesFit:
             "turn_error_before_rms_deg": None,
             "unseen": self.unseen,
             "remarks": list(self.remarks),
+            "gravity_from": self.gravity_from,
         }  # fmt: skip
         if self.turn_error.size:
             out["gyro"] = {
@@ -116,6 +129,39 @@ class PosesFit:
             ):
                 out[key] = float(np.rad2deg(np.sqrt(np.mean(values**2))))
         return out
+
+    def __str__(self) -> str:
+        c = self.calibration
+        lines = [
+            f"{len(self.dwells)} poses, {int(self.used.sum())} used; |f| - gravity "
+            f"{1e3 * self.rms:.3f} mm/s^2 rms, "
+            f"{1e3 * np.abs(self.residual[self.used]).max():.3f} largest",
+            f"gravity {self.gravity:.6f} m/s^2, {self.gravity_from}",
+        ]
+        unit = "counts" if c.input == "counts" else "m/s^2"
+        for k, axis in enumerate("xyz"):
+            row = "  ".join(f"{v:12.6g}" for v in c.accel_matrix[k])
+            lines.append(
+                f"accelerometer {axis}: bias {c.accel_bias[k]:12.6g} ± "
+                f"{c.sigma['accel_bias'][k]:.2g} {unit}   matrix {row}"
+            )
+        if self.turn_error.size:
+            for k, axis in enumerate("xyz"):
+                row = "  ".join(f"{v:12.6g}" for v in c.gyro_matrix[k])
+                lines.append(
+                    f"gyro {axis}: bias {c.gyro_bias[k]:12.6g}   matrix {row}   ± "
+                    f"{c.sigma['gyro_matrix'][k].max():.2g}"
+                )
+            rms = [
+                np.rad2deg(np.sqrt(np.mean(v**2)))
+                for v in (self.turn_error_before, self.turn_error)
+            ]
+            lines.append(
+                f"{self.turn_error.size} turns: the gyros miss gravity by {rms[1]:.3g} deg rms "
+                f"({rms[0]:.3g} with the scale as given)"
+            )
+        lines += [text if "left out" in text else f"not shown: {text}" for text in self.unseen]
+        return "\n".join(lines)
 
 
 def find_rests(

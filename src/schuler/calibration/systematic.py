@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler._result import Result, table_of_rows
 from schuler.attitude import multiply, rotvec_to_quat
 from schuler.calibration.apply import Calibration
 from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G
@@ -26,6 +27,7 @@ from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.ins import ErrorStateFilter, GroupNoise, Layout, ProcessNoise, ZeroVelocity
 from schuler.record import ImuRecord
+from schuler.units import to_unit
 
 __all__ = ["NAMES", "SystematicFit", "calibrate_systematic"]
 
@@ -45,8 +47,8 @@ _SENSORS = slice(_LAYOUT["gyro_bias"].start, _LAYOUT["accelerometer_matrix"].sto
 """The 24 numbers of `NAMES`, in their order."""
 
 
-@dataclass(frozen=True)
-class SystematicFit:
+@dataclass(frozen=True, eq=False)
+class SystematicFit(Result):
     """What a turning sequence tells.
 
     Parameters
@@ -79,6 +81,37 @@ class SystematicFit:
             "unseen": self.unseen,
             "mean_squared_innovation": float(self.nis),
         }
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return each coefficient that was free: name, value, 1-sigma and their unit."""
+        out = []
+        for name, value, sigma in zip(NAMES, self.value, self.sigma, strict=True):
+            if sigma == 0.0:
+                continue
+            unit = "ppm"
+            if "bias" in name:
+                unit = "deg/h" if name.startswith("gyro") else "ug"
+            out.append(
+                {
+                    "name": name,
+                    "value": to_unit(float(value), unit),
+                    "sigma": to_unit(float(sigma), unit),
+                    "unit": unit,
+                    "seen": name not in self.unseen,
+                }
+            )
+        return out
+
+    def columns(self) -> dict[str, Any]:
+        """Return `rows` as columns."""
+        return table_of_rows(self.rows())
+
+    def __str__(self) -> str:
+        lines = [
+            f"{row['name']:21} {row['value']:12.5g} ± {row['sigma']:.2g} {row['unit']}"
+            for row in self.rows()
+        ]
+        return "\n".join(lines + [f"not shown: {name}" for name in self.unseen])
 
 
 def calibrate_systematic(

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler._files import check_keys, number, read_toml
-from schuler._notebook import Shown
+from schuler._result import Result
 from schuler.attitude import euler_to_quat, quat_to_matrix
 from schuler.calibration.apply import Calibration
 from schuler.calibration.poses import find_rests
@@ -28,7 +28,7 @@ from schuler.record import ImuRecord
 from schuler.units import parse
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 __all__ = [
     "Position", "RateTurn", "TableTest", "calibrate_positions", "calibrate_rates",
@@ -89,7 +89,7 @@ class RateTurn:
 
 
 @dataclass(frozen=True, eq=False)
-class TableTest(Shown):
+class TableTest(Result):
     """What a test on a turntable has found.
 
     Parameters
@@ -139,14 +139,12 @@ class TableTest(Shown):
             ],
         }
 
-    def to_pandas(self) -> pd.DataFrame:
-        """Return dwells or turns as a table: times, what is true, what is left."""
-        import pandas as pd
-
-        columns = {"start_s": self.stretches[:, 0], "stop_s": self.stretches[:, 1]}
+    def columns(self) -> dict[str, Any]:
+        """Return a row to each dwell or turn: times, what is true, what is left."""
+        columns: dict[str, Any] = {"start_s": self.stretches[:, 0], "stop_s": self.stretches[:, 1]}
         for k, axis in enumerate("xyz"):
             columns |= {f"true_{axis}": self.truth[:, k], f"residual_{axis}": self.residual[:, k]}
-        return pd.DataFrame(columns)
+        return columns
 
     def __str__(self) -> str:
         c, rates = self.calibration, self.kind == "rates"

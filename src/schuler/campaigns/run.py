@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from schuler._arrow import numbers
+from schuler._result import Result, table_of_rows
 from schuler.campaigns.chunk import AXES
 from schuler.campaigns.execute import execute
 from schuler.campaigns.plan import Campaign
@@ -21,7 +22,7 @@ __all__ = ["Results", "campaign"]
 
 
 @dataclass(frozen=True, eq=False)
-class Results:
+class Results(Result):
     """What a campaign found.
 
     Parameters
@@ -56,6 +57,31 @@ class Results:
             "points": [scatter.to_dict() for scatter in self.scatters()],
         }
 
+    def columns(self) -> dict[str, Any]:
+        """Return a row to each place of the sweep and method; `table` has one to each run."""
+        return table_of_rows([scatter.to_dict() for scatter in self.scatters()])
+
+    def __str__(self) -> str:
+        scatters, scenario = self.scatters(), self.campaign.scenario
+        width = max([8, *(len(s.label) for s in scatters)])
+        swept = bool(self.campaign.sweep)
+        head = f"{'place':<{width}}  " if swept else ""
+        lines = [
+            f"{scenario.name}: {self.campaign.runs} runs of {scenario.duration:g} s, heading error "
+            "against the truth, arcmin",
+            f"{head}{'method':<18}{'mean':>8}{'std':>8}{'rms':>8}{'sigma':>8}{'limit':>8}"
+            f"{'rms/lim':>9}{'NEES/3':>8}  consistent within",
+        ]
+        for s in scatters:
+            place = f"{s.label:<{width}}  " if swept else ""
+            low, high = s.nees_band
+            lines.append(
+                f"{place}{s.method:<18}{s.mean:>8.3f}{_cell(s.std):>8}{s.rms:>8.3f}"
+                f"{s.predicted:>8.3f}{_cell(s.bound):>8}{_cell(s.ratio, 2):>9}"
+                f"{s.nees_ratio:>8.2f}  {low:.2f} to {high:.2f}"
+            )
+        return "\n".join([*lines, f"results {self.path}"])
+
     def scatters(self) -> list[Scatter]:
         """Return how the errors scatter, for each place of the sweep and each method."""
         point = numbers(self.table.column("point"))
@@ -76,6 +102,10 @@ class Results:
                     )
                 )  # fmt: skip
         return out
+
+
+def _cell(value: float | None, digits: int = 3) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
 
 
 def campaign(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler._notebook import Shown
+from schuler._result import Result
 from schuler.constants import ARCMIN
 
 __all__ = ["FALSE_ALARM", "Scatter"]
@@ -21,7 +21,7 @@ FALSE_ALARM = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Scatter(Shown):
+class Scatter(Result):
     """Errors of n alignments whose truth is known.
 
     Parameters

@@ -7,6 +7,7 @@ order, not the filter's angles.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -142,28 +143,36 @@ def simulate_platform(
     c = np.array(
         [platform_matrix(a, b, g, plant.order_number) for a, b, g in angles.reshape(-1, 3)]
     )
-    c = c.reshape(runs, count, 3, 3)
+    # Rows and columns first: each operation below is one over all runs and positions.
+    c = np.ascontiguousarray(np.moveaxis(c.reshape(runs, count, 3, 3), (2, 3), (0, 1)))
     levels = [plant.force] * count if forces is None else list(forces)
-    swing = np.array([plant.harmonics(level) for level in levels])
+    swing = np.array([plant.harmonics(level) for level in levels]).transpose(1, 2, 0)[:, :, None]
     gyro = truth[: 3 * plant.terms].reshape(-1, 3)
     k0, k1, k2, k3, kp = truth[3 * plant.terms : -3].reshape(5, 3)
     th_py, th_pz, th_oz = truth[-3:]
-    earth, axes, turning = plant.earth, plant.gyro_axes, plant.turning
+    axes = plant.gyro_axes
+    earth, turning = plant.earth[:, None, None], plant.turning[:, None, None]
 
-    def base_force(t: float) -> Array:
+    def force_at(t: float, m: Array) -> Array:
         angle = plant.omega * t
-        f = swing[:, 0] + np.cos(angle) * swing[:, 1] + np.sin(angle) * swing[:, 2]
-        return np.asarray(f)
+        base = swing[0] + math.cos(angle) * swing[1] + math.sin(angle) * swing[2]
+        return np.asarray((m * base).sum(axis=1))
 
     def slope(t: float, m: Array) -> Array:
-        f = np.einsum("rpij,pj->rpi", m, base_force(t))
-        drift = m @ earth + turning
-        for j in range(3):
-            i, o, s = np.moveaxis(f @ axes[j].T, -1, 0)
-            terms = (np.ones_like(i), i, o, s, i * i, s * s, i * o, i * s, o * s, o * o)
-            own = sum(d * term for d, term in zip(gyro[:, j], terms, strict=False))
-            drift = drift + own[..., None] * axes[j, 0]
-        return np.asarray(np.cross(drift[..., None, :], np.swapaxes(m, 2, 3)).swapaxes(2, 3))
+        f = force_at(t, m)
+        drift = (m * earth).sum(axis=1) + turning
+        for j, d in enumerate(gyro.T):
+            i, o, s = np.tensordot(axes[j], f, 1)
+            own = d[0] + i * (d[1] + d[4] * i + d[6] * o + d[7] * s)
+            own += s * (d[3] + d[5] * s) + o * (d[2] + d[8] * s)
+            if len(d) > 9:
+                own += d[9] * o * o
+            drift += axes[j, 0][:, None, None] * own
+        out = np.empty_like(m)
+        for k in range(3):
+            one, two = (k + 1) % 3, (k + 2) % 3
+            out[k] = drift[one] * m[two] - drift[two] * m[one]
+        return out
 
     h = 1.0 / plant.sampling
     samples = plant.turns(dwell) * round(plant.sampling * plant.period)
@@ -175,7 +184,7 @@ def simulate_platform(
         d = slope(t + h / 2, c + h / 2 * b)
         e = slope(t + h, c + h * d)
         c = c + h / 6 * (a + 2 * b + 2 * d + e)
-        f = np.einsum("rpij,pj->rpi", c, base_force(t + h))
+        f = np.moveaxis(force_at(t + h, c), 0, -1)
         own = f.copy()
         own[..., 1] += th_py * f[..., 0]
         own[..., 2] += th_pz * f[..., 0] + th_oz * f[..., 1]

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler._notebook import Shown
+from schuler._result import Result, table_of_rows
 from schuler.centrifuge.objective import OBJECTIVES, Objective, judge
 from schuler.centrifuge.plant import PUBLISHED_POSITIONS, Plant, Tables, position_matrices
 from schuler.centrifuge.scorecard import Scorecard, score
@@ -137,7 +137,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Plan(Shown):
+class Plan(Result):
     """The best scheme found.
 
     Parameters
@@ -190,11 +190,13 @@ class Plan(Shown):
             "seconds": self.seconds,
         }
 
-    def to_pandas(self) -> pd.DataFrame:
-        """Return the scheme by every objective as a table."""
-        import pandas as pd
+    def columns(self) -> dict[str, Any]:
+        """Return the scheme by every objective, a row to each."""
+        return table_of_rows(self.scorecard.rows())
 
-        return pd.DataFrame(self.scorecard.rows()).set_index("name").astype(float)
+    def to_pandas(self) -> pd.DataFrame:
+        """Return the scheme by every objective as a table by the objective's name."""
+        return super().to_pandas().set_index("name").astype(float)
 
 
 def evaluate_positions(problem: Problem, schemes: Array) -> Array:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler._notebook import Shown
+from schuler._result import Result, table_of_rows
 from schuler.centrifuge.files import CentrifugeScheme, true_coefficients
 from schuler.centrifuge.filter import Ekf, PlatformFit, fit_platform
 from schuler.centrifuge.objective import Judgement, judge
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class CentrifugeTest(Shown):
+class CentrifugeTest(Result):
     """What a test shows of the coefficients, and what it has found.
 
     Parameters
@@ -111,11 +111,13 @@ class CentrifugeTest(Shown):
             "weakest": [{"singular_value": s, "parts": part} for s, part in self.judgement.weakest],
         }
 
-    def to_pandas(self) -> pd.DataFrame:
-        """Return `rows` as a table, a row for each coefficient."""
-        import pandas as pd
+    def columns(self) -> dict[str, Any]:
+        """Return `rows` as columns, a row to each coefficient."""
+        return table_of_rows(self.rows())
 
-        return pd.DataFrame(self.rows()).set_index("name")
+    def to_pandas(self) -> pd.DataFrame:
+        """Return `rows` as a table by the coefficient's name."""
+        return super().to_pandas().set_index("name")
 
     def __str__(self) -> str:
         worst = int(self.judgement.relative.argmax())

@@ -11,7 +11,7 @@ import click
 from schuler import __version__
 from schuler.cli.aid_options import estimates_of, lever_of, sigmas_of
 from schuler.cli.command import CONTRADICTED, echo, wants_text
-from schuler.cli.common import Look, emit_json, open_file, progress, say_warnings, working
+from schuler.cli.common import Look, draw, emit_json, open_file, progress, say_warnings, working
 from schuler.cli.parameters import InputFile, Number
 from schuler.cli.path_output import PathOutput
 from schuler.errors import InputError
@@ -295,10 +295,7 @@ def navigate_with_aids(
     out.write(out.of_aided(found, record))
     if json_to is not None:
         emit_json(_data(found, source, evaluation), json_to)
-    if report_to is not None:
-        from schuler.reports.aided import aided_report
-
-        aided_report(found, report_to, evaluation)
+    draw(found, report_to, evaluation=evaluation)
     if wants_text():
         echo(str(found))
         if evaluation is not None:

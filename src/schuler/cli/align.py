@@ -13,8 +13,9 @@ import click
 from schuler import __version__
 from schuler.cli.align_moving import align_in_motion, motion_options, motion_taken
 from schuler.cli.align_transfer import align_by_master, transfer_options, transfer_taken
-from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
+from schuler.cli.command import CONTRADICTED, echo, wants_text
 from schuler.cli.common import (
+    draw,
     emit_json,
     file_options,
     gravity_known,
@@ -28,6 +29,7 @@ from schuler.cli.common import (
     site_or_none,
 )
 from schuler.cli.completion import methods, prefilters, specs
+from schuler.cli.many import ManyCommand
 from schuler.cli.parameters import InputFile, NamesOption, Seconds, method_names, prefilter_names
 from schuler.errors import InputError
 
@@ -40,7 +42,7 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 
-@click.command("align", cls=Command)
+@click.command("align", cls=ManyCommand)
 @file_options
 @site_options
 @gravity_options
@@ -92,7 +94,7 @@ __all__ = ["command"]
 @transfer_options
 @click.option("--follow", is_flag=True, help="Read on while the file (or - ) grows, live.")
 @click.option("--idle", type=Seconds(0.0), help="With --follow: end after so long without data.")
-@json_option()
+@json_option("Write the result as JSON (- : here); of several records a .jsonl.", ".jsonl")
 @report_option("Write an interactive report.")
 def command(**options: Any) -> int:
     """Find heading, pitch and roll from FILE (- : standard input), at rest or with aids in motion.
@@ -124,13 +126,14 @@ def command(**options: Any) -> int:
     latitude_too, by_master = options.pop("find_latitude"), transfer_taken(options)
     aids = motion_taken(options) if by_master is None else None
     if aids is not None or by_master is not None:
-        if latitude_too or follow or window is not None or name != "auto" or prefilter is not None:
+        if latitude_too or follow or name != "auto" or prefilter is not None:
             raise InputError(
                 "an alignment in motion has a method of its own: leave out --method, --prefilter, "
-                "--windows, --find-latitude and --follow beside --gnss, --odometer, --dvl and "
-                "--master"
+                "--find-latitude and --follow beside --gnss, --odometer, --dvl and --master"
             )
         if by_master is not None:
+            if window is not None:
+                raise InputError("--windows is for --gnss, --odometer and --dvl, not for --master")
             return align_by_master(
                 options, by_master, spec, at, (start, stop), (json_to, report_to),
                 calibration_from, _with_source,
@@ -138,7 +141,7 @@ def command(**options: Any) -> int:
         assert aids is not None
         return align_in_motion(
             options, aids, spec, at, (start, stop), (json_to, report_to), calibration_from,
-            _with_source,
+            _with_source, window,
         )  # fmt: skip
     if latitude_too:
         if follow or window is not None or name != "auto" or prefilter is not None:
@@ -157,11 +160,6 @@ def command(**options: Any) -> int:
     method = parse_method(name)
     if prefilter is not None:
         method = method.with_prefilter(parse_prefilter(prefilter))
-    if report_to is not None:
-        from schuler.reports.page import graph_objects
-
-        graph_objects()  # a missing library is said before the work, too
-
     calibration = None
     if calibration_from is not None:
         from schuler.calibration.apply import Calibration
@@ -186,10 +184,7 @@ def command(**options: Any) -> int:
         windows = type(windows)(fix, windows.length, windows.each)
     if json_to is not None:
         emit_json((windows or fix).to_dict(), json_to)
-    if report_to is not None:
-        from schuler.reports import report
-
-        report(windows or fix, report_to)
+    draw(windows or fix, report_to)
     if wants_text():
         _print(fix, windows)
     finish()
@@ -204,7 +199,6 @@ def _without_latitude(
     from dataclasses import replace
 
     from schuler.alignment import align_without_latitude
-    from schuler.constants import DEG
     from schuler.record import ImuRecord
     from schuler.sensors import load_spec
 
@@ -224,16 +218,8 @@ def _without_latitude(
     fix = _with_source(found.alignment, source, spec, calibration_from)
     found = replace(found, alignment=fix)
     if json_to is not None:
-        data = {
-            **fix.to_dict(),
-            "latitude_deg": found.latitude / DEG,
-            "latitude_sigma_deg": found.sigma / DEG,
-        }
-        emit_json(data, json_to)
-    if report_to is not None:
-        from schuler.reports import report
-
-        report(fix, report_to)
+        emit_json(found.to_dict(), json_to)
+    draw(fix, report_to)
     if wants_text():
         echo(str(found).partition("\nwarning: ")[0])
     finish()

@@ -8,13 +8,13 @@ import click
 
 from schuler.cli.aid_options import estimates_of, lever_of, sigmas_of
 from schuler.cli.command import CONTRADICTED, echo, wants_text
-from schuler.cli.common import emit_json, open_file, progress, say_warnings, site_or_none
+from schuler.cli.common import draw, emit_json, open_file, progress, say_warnings, site_or_none
 from schuler.cli.parameters import InputFile, Number
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.aiding import BodySpeed, BodyVelocity, GnssFixes
-    from schuler.alignment import Alignment
+    from schuler.alignment import Alignment, MovingWindows
     from schuler.record import ImuRecord
 
 __all__ = ["align_in_motion", "motion_options", "motion_taken", "read_whole", "say_alignment"]
@@ -138,7 +138,7 @@ def _read_aids(aids: dict[str, Any]) -> list[GnssFixes | BodySpeed | BodyVelocit
 def align_in_motion(
     options: dict[str, Any], aids: dict[str, Any], spec: str | None, at: str,
     span: tuple[Any, Any], outputs: tuple[str | None, str | None], calibration_from: str | None,
-    finished: Any,
+    finished: Any, window: float | None = None,
 ) -> int:  # fmt: skip
     """Align in motion and say what came of it; return the exit code.
 
@@ -152,16 +152,16 @@ def align_in_motion(
         As the command has them.
     finished : callable
         Adds what the reader knows to a result.
+    window : float, optional
+        Length of windows that are aligned as well, s.
     """
+    from dataclasses import replace
+
     from schuler.aiding import GnssFixes, ZeroVelocity
-    from schuler.alignment import align
+    from schuler.alignment import align, align_moving_windows
     from schuler.io.span import parse_record_time
     from schuler.sensors import load_spec
 
-    if outputs[1] is not None:
-        from schuler.reports.page import graph_objects
-
-        graph_objects()  # a missing library is said before the work, too
     given = _read_aids(aids)
     source, finish = open_file(options, None, load_spec(spec))
     site = site_or_none(options, source)
@@ -173,6 +173,13 @@ def align_in_motion(
     if span[0] is not None:
         seconds, relative = parse_record_time(span[0], "start")
         begin = seconds + (record.start if relative else 0.0)
+    if window is not None:
+        found = align_moving_windows(
+            record, [*given, *rest], window, site, spec, at=at, span=(begin, None),
+            vibration=aids["vibration"],
+        )  # fmt: skip
+        whole = finished(found.whole, source, spec, calibration_from)
+        return say_alignment(whole, outputs, finish, replace(found, whole=whole))
     fix: Alignment = align(
         record, site, None, spec, at=at, aiding=[*given, *rest], span=(begin, None),
         vibration=aids["vibration"],
@@ -181,17 +188,17 @@ def align_in_motion(
 
 
 def say_alignment(
-    fix: Alignment, outputs: tuple[str | None, str | None], finish: Any
+    fix: Alignment, outputs: tuple[str | None, str | None], finish: Any,
+    windows: MovingWindows | None = None,
 ) -> int:  # fmt: skip
     """Write JSON and report, print the result for people, and return the exit code."""
     json_to, report_to = outputs
     if json_to is not None:
-        emit_json(fix.to_dict(), json_to)
-    if report_to is not None:
-        from schuler.reports import report
-
-        report(fix, report_to)
+        emit_json((windows or fix).to_dict(), json_to)
+    draw(windows or fix, report_to)
     if wants_text():
+        if windows is not None:
+            _print_windows(windows)
         echo(str(fix).split("\nwarning: ")[0])
         shares = sorted(fix.budget_arcmin2.items(), key=lambda item: -item[1])
         parts = ", ".join(f"{name.replace('_', ' ')} {value**0.5:.2g}'" for name, value in shares)
@@ -199,6 +206,22 @@ def say_alignment(
     finish()
     say_warnings(fix.warnings)
     return 0 if fix.consistent else CONTRADICTED
+
+
+def _print_windows(windows: MovingWindows) -> None:
+    from schuler.constants import DEG
+
+    echo(f"{'start s':>10}  {'end s':>10}  {'heading deg':>11}  {'sigma deg':>9}  "
+         f"{'off deg':>8}")  # fmt: skip
+    for each, off in zip(windows.each, windows.off, strict=True):
+        echo(
+            f"{each.start:10.2f}  {each.end:10.2f}  {each.heading_deg:11.3f}  "
+            f"{each.sigma_arcmin[2] / 60.0:9.3f}  {off / DEG:8.3f}"
+        )
+    for begin, end, why in windows.refused:
+        echo(f"{begin:10.2f}  {end:10.2f}  no heading: {why}")
+    echo(str(windows))
+    echo("whole span:")
 
 
 def read_whole(source: Any, stop: Any, calibration_from: str | None) -> ImuRecord:

@@ -109,10 +109,6 @@ def align_by_master(
     from schuler.io.span import parse_record_time
     from schuler.sensors import load_spec
 
-    if outputs[1] is not None:
-        from schuler.reports.page import graph_objects
-
-        graph_objects()  # a missing library is said before the work, too
     gravity_known(options)
     place = [options.pop(key) for key in ("lat", "lon", "height")]
     if any(each is not None for each in place):

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from schuler.cli.command import Command, echo, wants_text
+from schuler.cli.command import add_output, echo, wants_text
 from schuler.cli.common import (
     Look,
+    draw,
     emit_json,
     file_options,
     json_option,
@@ -17,7 +18,8 @@ from schuler.cli.common import (
     report_option,
     say_warnings,
 )
-from schuler.cli.parameters import OutputFile
+from schuler.cli.many import ManyCommand
+from schuler.cli.parameters import Number, OutputFile
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 
-@click.command("allan", cls=Command)
+@click.command("allan", cls=ManyCommand)
 @file_options
 @click.option(
     "--kind",
@@ -44,7 +46,7 @@ __all__ = ["command"]
     multiple=True,
     help="Only this one: gyro-x, accel-z ... (may be given several times).",
 )
-@json_option()
+@json_option("Write the result as JSON (- : here); of several records a .jsonl.", ".jsonl")
 @report_option("Draw the curves and the fit.")
 @click.option(
     "--save-spec",
@@ -58,6 +60,22 @@ __all__ = ["command"]
 @click.option(
     "--accel-bias", metavar="VALUE", help="Accelerometer bias for --save-spec, as '50 ug'."
 )
+@click.option(
+    "--export",
+    "exports",
+    type=(click.Choice(["kalibr", "openvins", "vins", "px4", "ros"]), str),
+    metavar="TOOL FILE",
+    multiple=True,
+    help="Write another tool's parameters: kalibr, openvins, vins, px4, ros (several times).",
+)
+@click.option(
+    "--inflate",
+    type=Number(above=0.0, high=1e6),
+    default=1.0,
+    show_default=True,
+    metavar="FACTOR",
+    help="What the densities of --export are multiplied by.",
+)
 @click.option("--note", metavar="TEXT", help="Said in the specification of --save-spec.")
 def command(**options: Any) -> None:
     """Tell the noise of each sensor from FILE, a record of an instrument at rest.
@@ -70,6 +88,7 @@ def command(**options: Any) -> None:
       schuler allan static.csv --gyro deg/s --accel g --report noise.html
       schuler allan static.csv --gyro deg/s --accel g --save-spec mine.toml
       schuler align truck.csv --gyro deg/s --accel g --lat 48.1 --spec mine.toml
+      schuler allan static.bag --topic /imu/data --export kalibr imu.yaml --inflate 10
     """  # noqa: D301
     from schuler.allan_variance.deviation import allan
     from schuler.allan_variance.fit import fit_noise
@@ -79,12 +98,14 @@ def command(**options: Any) -> None:
     wanted = [name.replace("-", "_") for name in options.pop("channels")]
     json_to, report_to, spec_to = (options.pop(k) for k in ("json_to", "report_to", "save_spec"))
     added = _added(spec_to, *(options.pop(k) for k in ("gyro_bias", "accel_bias", "note")))
+    exports, inflate = options.pop("exports"), options.pop("inflate")
+    if inflate != 1.0 and not exports:
+        raise InputError("--inflate is for the densities of --export: say --export TOOL FILE")
+    for _, path in exports:
+        add_output("--export", path)
+    topic = options["topic"] if (options["topic"] or "").startswith("/") else "/imu0"
     start, stop = options.pop("start"), options.pop("stop")
     source, finish = open_file(options)
-    if report_to is not None:
-        from schuler.reports.page import graph_objects
-
-        graph_objects()  # a missing library is said before the work, too
     look = Look(source)
     with progress(source, source.chunks(start=start, stop=stop)) as chunks:
         found = allan(look.through(chunks), taus, kind)
@@ -95,19 +116,19 @@ def command(**options: Any) -> None:
     try:
         fit = fit_noise(found)
     except InputError as error:
-        if spec_to is not None:
+        if spec_to is not None or exports:
             raise
         warnings.append(str(error))
     else:
         warnings += fit.warnings()
     if json_to is not None:
         emit_json({**to_dict(found, fit), **source.how_read()}, json_to)
-    if report_to is not None:
-        from schuler.reports.allan import allan_report
-
-        allan_report(found, fit, report_to)
+    draw(found if fit is None else fit, report_to)
     if spec_to is not None and fit is not None:
         save_spec(fit, spec_to, **added)
+    if fit is not None:
+        for tool, path in exports:
+            fit.export(tool, path, inflate=inflate, topic=topic)
     if wants_text():
         _print(found, fit)
     finish()

@@ -8,6 +8,7 @@ import click
 
 from schuler.cli.command import Command, Group, echo, wants_text
 from schuler.cli.common import (
+    draw,
     emit_json,
     file_options,
     json_option,
@@ -69,10 +70,7 @@ def figures(**options: Any) -> None:
     found = ArrayFigures(array, reliability, hours)
     if options["json_to"] is not None:
         emit_json(found.to_dict(), options["json_to"])
-    if options["report_to"] is not None:
-        from schuler.reports.array import array_report
-
-        array_report(array, reliability, options["report_to"])
+    draw(found, options["report_to"])
     if wants_text():
         echo(found)
 
@@ -111,19 +109,12 @@ def faults(**options: Any) -> None:
     begin, end = options.pop("start"), options.pop("stop")
     if begin is not None or end is not None:
         raise InputError("the whole record is tested: leave out --start and --stop")
-    if report_to is not None:
-        from schuler.reports.page import graph_objects
-
-        graph_objects()
     source, finish = open_file(options)
     time, increments, interval = array_increments(source)
     found = scan_faults(array, time, increments, interval, **settings)
     if json_to is not None:
         emit_json(found.to_dict(), json_to)
-    if report_to is not None:
-        from schuler.reports.array import faults_report
-
-        faults_report(found, report_to)
+    draw(found, report_to)
     if wants_text():
         echo(found)
     finish()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,9 +11,10 @@ import click
 from schuler.cli.calibrate_centrifuge import centrifuge
 from schuler.cli.calibrate_dvl import dvl
 from schuler.cli.calibrate_table import rate, sixpos, turntable
-from schuler.cli.command import Group, echo, wants_text
+from schuler.cli.command import Group, add_output, echo, wants_text
 from schuler.cli.common import (
     Look,
+    draw,
     emit_json,
     file_options,
     json_option,
@@ -30,8 +32,6 @@ from schuler.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from schuler.calibration.poses import PosesFit
-    from schuler.calibration.systematic import SystematicFit
     from schuler.io import Source
 
 __all__ = ["command"]
@@ -63,6 +63,14 @@ def command() -> None:
     metavar="TOML",
     help="Write the calibration for `schuler align`.",
 )
+@click.option(
+    "--export",
+    "exports",
+    type=(click.Choice(["imu_tk", "kalibr", "ros"]), str),
+    metavar="TOOL FILE",
+    multiple=True,
+    help="Write another tool's calibration: imu_tk, kalibr or ros (several times).",
+)
 @json_option()
 @report_option("Draw poses and turns.")
 def poses(**options: Any) -> None:
@@ -81,23 +89,24 @@ def poses(**options: Any) -> None:
 
     files, scale = options.pop("files"), options.pop("gyro_scale")
     out, json_to, report_to = (options.pop(key) for key in ("out", "json_to", "report_to"))
+    exports = options.pop("exports")
+    for tool, path in exports:
+        for ending in (".acc", ".gyro") if tool == "imu_tk" else ("",):
+            add_output("--export", f"{path}{ending}")
     if len(files) > 2:
         raise InputError(f"poses takes one record or two tables, got {len(files)} files")
-    if report_to is not None:
-        from schuler.reports.page import graph_objects
-
-        graph_objects()
     given, initial = options.pop("gravity"), options.pop("initial")
     common: dict[str, Any] = {"initial": initial, "name": Path(files[0]).stem}
     warnings: list[str] = []
     finish: Callable[..., None] | None = None
+    axes: list[list[float]] | None = None
     if len(files) == 1:
         if scale is not None:
             raise InputError("--gyro-scale goes with two tables of counts")
         start, stop = options.pop("start"), options.pop("stop")
         source, finish = open_file({**options, "file": files[0]})
         gravity, said = _gravity(given, options, source)
-        record = source.read(start=start, stop=stop)
+        record, axes = source.read(start=start, stop=stop), source.axes.matrix()
         warnings += source.quality.warnings() if source.quality else []
         fit = calibrate_poses(record.time, record.accel, record.gyro, gravity=gravity, **common)
         look = Look(source)
@@ -126,16 +135,20 @@ def poses(**options: Any) -> None:
             accel[:, 0], accel[:, 1:], gyro[:, 1:], counts=True, gravity=gravity,
             gyro_scale=parse(scale, "angular rate", "--gyro-scale"), **common,
         )  # fmt: skip
+    fit = replace(fit, gravity_from=said)
     if out is not None:
         fit.calibration.to_toml(out)
-    if json_to is not None:
-        emit_json({**fit.to_dict(), "gravity_from": said}, json_to)
-    if report_to is not None:
-        from schuler.reports.calibrate import poses_report
+    for tool, path in exports:
+        from schuler.calibration.export import export_calibration
 
-        poses_report(fit, report_to)
+        export_calibration(
+            fit.calibration, tool, path, has_gyros=bool(fit.turn_error.size), axes=axes
+        )
+    if json_to is not None:
+        emit_json(fit.to_dict(), json_to)
+    draw(fit, report_to)
     if wants_text():
-        _print_poses(fit, said)
+        echo(fit)
     if finish is not None:
         finish()
     say_warnings([*warnings, *fit.remarks])
@@ -188,31 +201,6 @@ def _table(path: str) -> Any:
     return data
 
 
-def _print_poses(fit: PosesFit, gravity_from: str) -> None:
-    import numpy as np
-
-    c = fit.calibration
-    echo(f"{len(fit.dwells)} poses, {int(fit.used.sum())} used; |f| - gravity "
-               f"{1e3 * fit.rms:.3f} mm/s^2 rms, {1e3 * np.abs(fit.residual[fit.used]).max():.3f} "
-               "largest")  # fmt: skip
-    echo(f"gravity {fit.gravity:.6f} m/s^2, {gravity_from}")
-    unit = "counts" if c.input == "counts" else "m/s^2"
-    for k, axis in enumerate("xyz"):
-        row = "  ".join(f"{v:12.6g}" for v in c.accel_matrix[k])
-        echo(f"accelerometer {axis}: bias {c.accel_bias[k]:12.6g} ± "
-                   f"{c.sigma['accel_bias'][k]:.2g} {unit}   matrix {row}")  # fmt: skip
-    if fit.turn_error.size:
-        for k, axis in enumerate("xyz"):
-            row = "  ".join(f"{v:12.6g}" for v in c.gyro_matrix[k])
-            echo(f"gyro {axis}: bias {c.gyro_bias[k]:12.6g}   matrix {row}   ± "
-                       f"{c.sigma['gyro_matrix'][k].max():.2g}")  # fmt: skip
-        rms = [np.rad2deg(np.sqrt(np.mean(v**2))) for v in (fit.turn_error_before, fit.turn_error)]
-        echo(f"{fit.turn_error.size} turns: the gyros miss gravity by {rms[1]:.3g} deg rms "
-                   f"({rms[0]:.3g} with the scale as given)")  # fmt: skip
-    for text in fit.unseen:
-        echo(f"not shown: {text}" if "left out" not in text else text)
-
-
 @command.command("systematic")
 @file_options
 @site_options
@@ -227,6 +215,7 @@ def _print_poses(fit: PosesFit, gravity_from: str) -> None:
     help="Write the calibration for `schuler align`.",
 )
 @json_option()
+@report_option("Draw what was found, with its sigma.")
 def systematic(**options: Any) -> None:
     """Calibrate FILE from a navigator's errors: turned on the spot, at rest between the turns.
 
@@ -239,7 +228,9 @@ def systematic(**options: Any) -> None:
     from schuler.record import ImuRecord
     from schuler.sensors import load_spec
 
-    rest, out, json_to = (options.pop(key) for key in ("rest", "out", "json_to"))
+    rest, out, json_to, report_to = (
+        options.pop(key) for key in ("rest", "out", "json_to", "report_to")
+    )
     spec = load_spec(options.pop("spec"))
     assert spec is not None
     begin, end = options.pop("start"), options.pop("stop")
@@ -265,25 +256,11 @@ def systematic(**options: Any) -> None:
         fit.calibration.to_toml(out)
     if json_to is not None:
         emit_json(fit.to_dict(), json_to)
+    draw(fit, report_to)
     if wants_text():
-        _print_systematic(fit)
+        echo(fit)
     finish()
     say_warnings([*look.notes(site, at_rest=False), *source.contradictions])
-
-
-def _print_systematic(fit: SystematicFit) -> None:
-    from schuler.calibration import SYSTEMATIC_NAMES
-    from schuler.units import to_unit
-
-    for name, value, sigma in zip(SYSTEMATIC_NAMES, fit.value, fit.sigma, strict=True):
-        if sigma == 0.0:
-            continue
-        unit = "ppm"
-        if "bias" in name:
-            unit = "deg/h" if name.startswith("gyro") else "ug"
-        echo(f"{name:21} {to_unit(value, unit):12.5g} ± {to_unit(sigma, unit):.2g} {unit}")
-    for name in fit.unseen:
-        echo(f"not shown: {name}")
 
 
 for _each in (centrifuge, dvl, sixpos, rate, turntable):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler.cli.command import CONTRADICTED, Command, add_input, echo, wants_text
-from schuler.cli.common import emit_json, json_option, report_option, say_warnings
+from schuler.cli.common import draw, emit_json, json_option, report_option, say_warnings
 from schuler.cli.parameters import Count, InputFile, Seconds
 from schuler.errors import InputError
 
@@ -77,10 +77,6 @@ def centrifuge(**options: Any) -> None:
     if path is not None and told is None and (beside := outputs_truth_path(path)).is_file():
         told = str(beside)
         add_input("the truth", beside)
-    if options["report_to"] is not None:
-        from schuler.reports.page import graph_objects
-
-        graph_objects()
     plant, scheme = _plant_and_scheme(options, told if path is not None else None)
     truth = _truth(told, plant, needed=seed is not None)
     method = Ekf(passes=options["passes"], square_root=options["square_root"])
@@ -96,10 +92,7 @@ def centrifuge(**options: Any) -> None:
     found = identify(plant, scheme, outputs, method, first=first, truth=truth)
     if options["json_to"] is not None:
         emit_json(found.to_dict(), options["json_to"])
-    if options["report_to"] is not None:
-        from schuler.reports.centrifuge import platform_report
-
-        platform_report(found, options["report_to"])
+    draw(found, options["report_to"])
     if wants_text():
         echo(found)
     say_warnings(found.remarks)

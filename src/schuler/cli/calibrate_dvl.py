@@ -8,7 +8,7 @@ import click
 
 from schuler import __version__
 from schuler.cli.command import Command, echo, wants_text
-from schuler.cli.common import emit_json, json_option, say_warnings
+from schuler.cli.common import draw, emit_json, json_option, report_option, say_warnings
 from schuler.cli.parameters import InputFile, Number
 from schuler.errors import InputError
 
@@ -32,6 +32,7 @@ __all__ = ["dvl"]
 )  # fmt: skip
 @click.option("--topic", metavar="NAME", help="Of a ROS bag: Odometry or a stamped twist.")
 @json_option()
+@report_option("Draw mounting and residuals.")
 def dvl(**options: Any) -> None:
     """Find the scale factor and the mounting of a Doppler log from a reference.
 
@@ -65,6 +66,7 @@ def dvl(**options: Any) -> None:
             },
             options["json_to"],
         )  # fmt: skip
+    draw(fit, options["report_to"])
     if wants_text():
         echo(fit)
         for reason, count in log.dropped.items():

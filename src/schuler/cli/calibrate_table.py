@@ -10,6 +10,7 @@ import click
 
 from schuler.cli.command import Command, echo, wants_text
 from schuler.cli.common import (
+    draw,
     emit_json,
     file_options,
     json_option,
@@ -171,20 +172,13 @@ def rate(**options: Any) -> None:
 def _writer(options: dict[str, Any]) -> Callable[[TableTest], None]:
     """Return what writes and prints a result, as the options ask for."""
     out, json_to, report_to = (options.pop(key) for key in ("out", "json_to", "report_to"))
-    if report_to is not None:
-        from schuler.reports.page import graph_objects
-
-        graph_objects()
 
     def write(found: TableTest) -> None:
         if out is not None:
             found.calibration.to_toml(out)
         if json_to is not None:
             emit_json(found.to_dict(), json_to)
-        if report_to is not None:
-            from schuler.reports.calibrate import table_report
-
-            table_report(found, report_to)
+        draw(found, report_to)
         if wants_text():
             echo(found)
 

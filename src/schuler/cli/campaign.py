@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler.cli.command import Command, add_input, echo, wants_text
-from schuler.cli.common import emit_json, json_option, report_option, say_warnings
+from schuler.cli.common import draw, emit_json, json_option, report_option, say_warnings
 from schuler.cli.completion import methods, scenarios
 from schuler.cli.parameters import Count, InputFile
 
 if TYPE_CHECKING:
-    from schuler.campaigns import Results
-    from schuler.campaigns.scatter import Scatter
+    pass
 
 __all__ = ["command"]
 
@@ -74,70 +73,17 @@ def command(**options: Any) -> None:
         add_input("the scenario", path)
     for path in Store(campaign, out).files():
         add_input("the campaign's store", path)
-    if options["report_to"] is not None:
-        from schuler.reports.page import graph_objects
-
-        graph_objects()  # a missing library is said before the work
     with _progress(scenario.name) as progress:
         results = campaigns.campaign(
             campaign, out, workers=options["workers"], scheduler=options["scheduler"],
             progress=progress,
         )  # fmt: skip
-    scatters = results.scatters()
     say_warnings(results.notes)
     if options["json_to"] is not None:
         emit_json(results.to_dict(), options["json_to"])
-    if options["report_to"] is not None:
-        from schuler.reports.campaign import campaign_report
-
-        campaign_report(scatters, scenario.name, _inputs(results), options["report_to"])
+    draw(results, options["report_to"])
     if wants_text():
-        _print(results, scatters)
-
-
-def _inputs(results: Results) -> list[tuple[str, str]]:
-    campaign = results.campaign
-    scenario = campaign.scenario
-    return [
-        ("scenario", scenario.name),
-        ("motion", scenario.kind),
-        ("site", f"{scenario.site.lat:g} deg N, {scenario.site.lon:g} deg E, "
-         f"{scenario.site.height:g} m"),
-        ("record", f"{scenario.duration:g} s at {scenario.rate:g} Hz"),
-        ("instrument", "without errors" if scenario.spec is None else scenario.spec.name),
-        ("runs", f"{campaign.runs} at each of {len(campaign.points)} place(s)"),
-        *((f"sweep of {key}", ", ".join(map(str, v))) for key, v in campaign.sweep.items()),
-        ("seed", str(scenario.seed)),
-        ("attitude at", f"the {scenario.at}"),
-        ("results", str(results.path)),
-        ("SHA-256 of the scenario", scenario.digest),
-    ]  # fmt: skip
-
-
-def _print(results: Results, scatters: list[Scatter]) -> None:
-    scenario = results.campaign.scenario
-    echo(
-        f"{scenario.name}: {results.campaign.runs} runs of {scenario.duration:g} s, heading error "
-        "against the truth, arcmin"
-    )
-    width = max([8, *(len(s.label) for s in scatters)])
-    swept = bool(results.campaign.sweep)
-    head = f"{'place':<{width}}  " if swept else ""
-    echo(f"{head}{'method':<18}{'mean':>8}{'std':>8}{'rms':>8}{'sigma':>8}{'limit':>8}"
-               f"{'rms/lim':>9}{'NEES/3':>8}  consistent within")  # fmt: skip
-    for s in scatters:
-        place = f"{s.label:<{width}}  " if swept else ""
-        low, high = s.nees_band
-        echo(
-            f"{place}{s.method:<18}{s.mean:>8.3f}{_cell(s.std):>8}{s.rms:>8.3f}{s.predicted:>8.3f}"
-            f"{_cell(s.bound):>8}{_cell(s.ratio, 2):>9}{s.nees_ratio:>8.2f}  "
-            f"{low:.2f} to {high:.2f}"
-        )
-    echo(f"results {results.path}")
-
-
-def _cell(value: float | None, digits: int = 3) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"
+        echo(results)
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,17 +16,22 @@ import click
 
 from schuler._files import check_target, is_special
 from schuler.cli.parameters import InputFile, OutputFile
+from schuler.cli.provenance import again_option, options_again, provenance
 from schuler.errors import InputError, printable
 
 __all__ = [
-    "CONTRADICTED", "Command", "Group", "add_input", "add_output", "debug_option", "echo",
-    "wants_text",
+    "CONTRADICTED", "REPEATED", "Command", "Group", "add_input", "add_output", "debug_option",
+    "echo", "made_by", "wants_text",
 ]  # fmt: skip
 
 CONTRADICTED = 3
 """Exit code of a result that its record contradicts."""
 
 _KEY = "schuler.files"
+
+REPEATED = "schuler.again"
+"""Key of the result, and of the mapping in it, that the running command repeats."""
+
 _HELP = {"help_option_names": ["-h", "--help"]}
 
 
@@ -129,6 +135,11 @@ def add_output(label: str, path: str | os.PathLike[str]) -> None:
     _files().add_output(label, str(path))
 
 
+def made_by() -> dict[str, Any]:
+    """Return where the running command's result is from; see `schuler.cli.provenance`."""
+    return provenance(_files().inputs)
+
+
 def wants_text() -> bool:
     """Say whether the result may be printed: no output goes to standard output."""
     return all(path != "-" for _, path in _files().outputs)
@@ -153,10 +164,34 @@ class Command(click.Command):
     def __init__(self, *args: Any, **settings: Any) -> None:
         settings.setdefault("context_settings", _HELP)
         super().__init__(*args, **settings)
+        self._repeats = any(param.name == "json_to" for param in self.params)
+        if self._repeats:
+            self.params.append(again_option())
         self.params.append(debug_option())
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Take what the result of ``--again`` was made by as defaults."""
+        if self._repeats and not ctx.resilient_parsing:
+            given = self.make_parser(ctx).parse_args(args=list(args))[0]
+            path = given.get("again")
+            if isinstance(path, str):
+                options, mapping = options_again(ctx, path)
+                ctx.default_map = {**self.again(options), **(ctx.default_map or {})}
+                ctx.meta[REPEATED] = path, mapping
+        return super().parse_args(ctx, args)
+
+    def again(self, options: dict[str, Any]) -> dict[str, Any]:
+        """Return the options of a result as this command takes them."""
+        return options
 
     def invoke(self, ctx: click.Context) -> Any:
         """Check the files, run, and name what was written."""
+        with self.checked(ctx):
+            return super().invoke(ctx)
+
+    @contextmanager
+    def checked(self, ctx: click.Context) -> Iterator[None]:
+        """Check the files before what is done within, and name what was written after it."""
         files = CommandFiles()
         ctx.meta[_KEY] = files
         for label, path, sidecar in self._named(ctx, InputFile):
@@ -169,7 +204,7 @@ class Command(click.Command):
         for label, path, _ in self._named(ctx, OutputFile):
             files.add_output(label, path)
         try:
-            return super().invoke(ctx)
+            yield
         finally:
             for path in files.written():
                 echo(f"wrote {path}", err=True)

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from schuler.cli.command import echo
+from schuler.cli.command import echo, made_by
 from schuler.cli.completion import files
+from schuler.cli.drawing import draw, draws, report_option
 from schuler.cli.parameters import InputFile, Number, OutputFile, RecordTime, Seconds
 from schuler.cli.run_file import mapping_of_run, note_mapping, save_run
 from schuler.errors import InputError
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Look",
+    "draw",
+    "draws",
     "emit_json",
     "file_options",
     "gravity_known",
@@ -162,15 +165,10 @@ def file_options(function: F) -> F:
     return argument(reading_options(function))
 
 
-def json_option(text: str = "Write the result as JSON (- : here).") -> Callable[[F], F]:
-    """Return the option ``--json OUT``, as `json_to`."""
-    return click.option("--json", "json_to", type=OutputFile(".json"), metavar="OUT", help=text)
-
-
-def report_option(text: str) -> Callable[[F], F]:
-    """Return the option ``--report OUT.html``, as `report_to`."""
+def json_option(text: str = "Write the result as JSON (- : here).", *more: str) -> Callable[[F], F]:
+    """Return the option ``--json OUT``, as `json_to`, which may end in .json and in more."""
     return click.option(
-        "--report", "report_to", type=OutputFile(".html", ".htm"), metavar="OUT.html", help=text
+        "--json", "json_to", type=OutputFile(".json", *more), metavar="OUT", help=text
     )
 
 
@@ -370,10 +368,10 @@ class Look:
 
 
 def emit_json(data: dict[str, Any], target: str) -> None:
-    """Write JSON to a file, or to standard output for ``-``."""
+    """Write JSON with where it is from to a file, or to standard output for ``-``."""
     import json
 
-    text = json.dumps(data, indent=2, allow_nan=False) + "\n"
+    text = json.dumps({**data, "provenance": made_by()}, indent=2, allow_nan=False) + "\n"
     from schuler._files import replacing
 
     with replacing(Path(target)) as temporary:

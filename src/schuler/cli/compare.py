@@ -10,6 +10,7 @@ import click
 from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
 from schuler.cli.common import (
     Look,
+    draw,
     emit_json,
     file_options,
     gravity_options,
@@ -28,7 +29,20 @@ from schuler.errors import InputError
 __all__ = ["command"]
 
 
-@click.command("compare", cls=Command)
+class _CompareCommand(Command):
+    """A command on one record, or with --records on two."""
+
+    def __init__(self, *args: Any, **settings: Any) -> None:
+        super().__init__(*args, **settings)
+        next(param for param in self.params if param.name == "file").nargs = -1
+
+    def again(self, options: dict[str, Any]) -> dict[str, Any]:
+        """Take the record of a result as a list."""
+        named = options.get("file")
+        return {**options, "file": (named,)} if isinstance(named, str) else options
+
+
+@click.command("compare", cls=_CompareCommand)
 @file_options
 @site_options
 @gravity_options
@@ -50,6 +64,10 @@ __all__ = ["command"]
     help="Prefilters, with commas, each before every method that is named (none: without).",
 )  # fmt: skip
 @click.option("--windows", type=Seconds(), help="Length of the windows for the repeatability.")
+@click.option(
+    "--records", is_flag=True,
+    help="Hold two records of one pose against each other: two instruments, or two days.",
+)  # fmt: skip
 @json_option("Write the rows as JSON (- : here).")
 @report_option("Write an interactive report.")
 def command(**options: Any) -> int:
@@ -58,12 +76,22 @@ def command(**options: Any) -> int:
     \b
       schuler compare truck.imu --spec navigation-rlg --windows 100s
       schuler compare truck.imu --method centred,kalman --prefilter none,emd --json -
+      schuler compare --records monday.csv tuesday.csv --lat 48.1 --spec navigation-fog
     """  # noqa: D301
     from dataclasses import replace
 
     from schuler.alignment.compare import DEFAULT_PAIRS, compare
     from schuler.record import ImuRecord
 
+    named = options.pop("file")
+    if options.pop("records"):
+        return _two_records(named, options)
+    if len(named) != 1:
+        raise InputError(
+            f"compare takes one record, got {len(named)}: to hold two against each other say "
+            "--records"
+        )
+    options["file"] = named[0]
     spec, methods, prefilters, window, json_to, report_to = (
         options.pop(k) for k in ("spec", "methods", "prefilters", "windows", "json_to", "report_to")
     )
@@ -72,10 +100,6 @@ def command(**options: Any) -> int:
     site = site_or_none(options, source)
     if site is None:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
-    if report_to is not None:
-        from schuler.reports.page import graph_objects
-
-        graph_objects()  # a missing library is said before the work, too
     pairs = DEFAULT_PAIRS
     if methods or prefilters:
         names = [m.strip() for m in (methods or "auto").split(",")]
@@ -99,12 +123,48 @@ def command(**options: Any) -> int:
     )  # fmt: skip
     if json_to is not None:
         emit_json(found.to_dict(), json_to)
-    if report_to is not None:
-        from schuler.reports.compare import comparison_report
-
-        comparison_report(found, report_to)
+    draw(found, report_to)
     if wants_text():
         echo(str(found))
     finish()
     say_warnings(look.notes(site))
     return 0 if found.consistent else CONTRADICTED
+
+
+def _two_records(named: tuple[str, ...], options: dict[str, Any]) -> int:
+    """Align two records, and say whether their poses are the same."""
+    from schuler.alignment import Aligner, Alignment, compare_records, parse_method
+    from schuler.sensors import load_spec
+
+    if len(named) != 2:
+        raise InputError(f"--records takes two records, got {len(named)}")
+    unused = [key for key in ("prefilters", "windows", "save_mapping") if options.get(key)]
+    if unused:
+        name = unused[0].removesuffix("s") if unused[0] == "prefilters" else unused[0]
+        raise InputError(f"--{name.replace('_', '-')} is for methods on one record")
+    spec = load_spec(options.pop("spec"))
+    json_to, report_to = options.pop("json_to"), options.pop("report_to")
+    start, stop = options.pop("start"), options.pop("stop")
+    method = parse_method(options.pop("methods") or "auto")
+    fixes: list[Alignment] = []
+    for path in named:
+        own = {**options, "file": path}
+        source, finish = open_file(own, spec=spec)
+        site = site_or_none(own, source)
+        if site is None:
+            raise InputError("the latitude is needed to find north: say --lat (and --height)")
+        aligner = Aligner(site, method, spec, reading=source.reading)
+        with progress(source, source.chunks(start=start, stop=stop)) as chunks:
+            for chunk in chunks:
+                aligner.update(chunk)
+        fix = aligner.solution()
+        fixes.append(fix.contradicted(source.contradictions))
+        finish()
+        say_warnings(f"{path}: {text}" for text in fix.warnings)
+    found = compare_records(fixes[0], fixes[1], (named[0], named[1]))
+    if json_to is not None:
+        emit_json(found.to_dict(), json_to)
+    draw(found, report_to)
+    if wants_text():
+        echo(found)
+    return CONTRADICTED if found.contradictions else 0

@@ -6,17 +6,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from schuler.cli.command import Command, echo, wants_text
+from schuler.cli.command import echo, wants_text
 from schuler.cli.common import (
     emit_json,
     file_options,
     json_option,
     open_file,
     progress,
+    report_option,
     say_warnings,
     site_options,
     site_or_none,
 )
+from schuler.cli.many import ManyCommand
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,7 +34,7 @@ _OF_A_RECORD = (
 """Options that say what only a record of an IMU has."""
 
 
-@click.command("info", cls=Command)
+@click.command("info", cls=ManyCommand)
 @file_options
 @site_options
 @click.option(
@@ -40,7 +42,8 @@ _OF_A_RECORD = (
     type=click.Choice(["record", "fixes", "speeds", "body-velocities", "headings", "heights"]),
     help="What FILE holds; else its content decides.",
 )
-@json_option("Write the summary as JSON (- : here).")
+@json_option("Write the summary as JSON (- : here); of several records a .jsonl.", ".jsonl")
+@report_option("With several records: draw them beside one another.")
 def command(**options: Any) -> None:
     """Summarise FILE: rate, jitter, gravity, Earth rate, noise, quiet and disturbed stretches.
 
@@ -51,6 +54,8 @@ def command(**options: Any) -> None:
     from schuler.record import Summariser
 
     json_to, kind = options.pop("json_to"), options.pop("kind")
+    if options.pop("report_to") is not None:
+        raise InputError("the report of info is of several records: name more, or a folder")
     if kind is None and not any(options[key] for key in _OF_A_RECORD):
         kind = aid_kind(options["file"])
     if kind not in (None, "record"):

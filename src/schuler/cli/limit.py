@@ -8,6 +8,7 @@ import click
 
 from schuler.cli.command import Command, echo, wants_text
 from schuler.cli.common import (
+    draw,
     emit_json,
     json_option,
     report_option,
@@ -126,10 +127,7 @@ def command(**options: Any) -> None:
         found = replace(found, suggested=suggested)
     if options["json_to"] is not None:
         emit_json(found.to_dict(), options["json_to"])
-    if options["report_to"] is not None:
-        from schuler.reports.limit import limit_report
-
-        limit_report(found, options["report_to"], 1.0 / rate)
+    draw(found, options["report_to"], interval=1.0 / rate)
     if wants_text():
         echo(str(found))
 

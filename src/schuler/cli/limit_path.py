@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from schuler.cli.command import echo, wants_text
-from schuler.cli.common import emit_json
+from schuler.cli.common import draw, emit_json
 from schuler.cli.parameters import Seconds
 from schuler.errors import InputError
 
@@ -65,8 +65,6 @@ def limit_on_path(options: dict[str, Any]) -> None:
         raise InputError(
             f"--{given[0].replace('_', '-')} is of an alignment at rest: leave it out beside --path"
         )
-    if options["report_to"] is not None:
-        raise InputError("the limit on a path has no page: leave out --report, and say --json")
     if not options["aids"]:
         raise InputError("the limit on a path depends on the aids: say --aid gnss=0.1m/s,3m@1Hz")
     aids = planned_aids(options["aids"])
@@ -75,6 +73,7 @@ def limit_on_path(options: dict[str, Any]) -> None:
     found = path_table(path, options["spec"], aids, times, record=record)
     if options["json_to"] is not None:
         emit_json(found.to_dict(), options["json_to"])
+    draw(found, options["report_to"])
     if wants_text():
         echo(str(found))
 

@@ -12,6 +12,8 @@ from schuler.cli.aided import aiding_options, navigate_with_aids, taken
 from schuler.cli.command import CONTRADICTED, echo, wants_text
 from schuler.cli.common import (
     Look,
+    draw,
+    draws,
     emit_json,
     file_options,
     gravity_options,
@@ -34,7 +36,7 @@ if TYPE_CHECKING:
 
     from schuler.alignment import Alignment
     from schuler.earth import Site
-    from schuler.navigation import Evaluation, Navigator, Start
+    from schuler.navigation import Navigator, Start
     from schuler.record import ImuRecord
     from schuler.sensors import ImuSpec
     from schuler.trajectory import Trajectory
@@ -115,7 +117,13 @@ def command(**options: Any) -> int:
       schuler navigate truck.parquet --lat 34.2 --lon 108.9 --align 300s --reference truth.parquet
     """  # noqa: D301, E501
     from schuler.io import read_trajectory
-    from schuler.navigation import Navigator, evaluate, parse_gravity, parse_vertical
+    from schuler.navigation import (
+        FreeNavigation,
+        Navigator,
+        evaluate,
+        parse_gravity,
+        parse_vertical,
+    )
     from schuler.sensors import load_spec
 
     names = ("heading", "pitch", "roll")
@@ -137,10 +145,6 @@ def command(**options: Any) -> int:
         raise InputError("--align finds the attitude: leave out --heading, --pitch and --roll")
     if align_for is None and angles["heading"] is None:
         raise InputError("the start's attitude is needed: say --heading, or --align 300s")
-    if report_to is not None:
-        from schuler.reports.page import graph_objects
-
-        graph_objects()  # a missing library is said before the work, too
     truth = read_trajectory(against) if against else None
     source, finish = open_file(options)
     site = site_or_none(options, source)
@@ -148,7 +152,6 @@ def command(**options: Any) -> int:
         raise InputError("the start's place is needed: say --lat, --lon and --height")
 
     fix: Alignment | None = None
-    navigator: Navigator | None = None
     look = Look(source)
     with progress(source, source.chunks(start=start, stop=stop)) as chunks:
         flow = look.through(chunks)
@@ -158,24 +161,26 @@ def command(**options: Any) -> int:
         navigator = Navigator(
             begin, gravity=gravity, vertical=vertical, every=out.every_free, spec=spec
         )
-        if report_to is None and truth is None and out.in_pieces:
+        if not draws(report_to) and truth is None and out.in_pieces:
             path = _in_pieces(navigator, flow, out)
         else:
             for chunk in flow:
                 navigator.update(chunk)
             path = navigator.path()
             out.write(out.of_free(path))
-    evaluation = evaluate(path, truth) if truth is not None else None
+    found = FreeNavigation(
+        path, navigator.gravity.model, navigator.vertical.mode,
+        None if fix is None else _summary(fix),
+        None if truth is None else evaluate(path, truth),
+    )  # fmt: skip
     if json_to is not None:
-        emit_json(_data(path, navigator, source, fix, evaluation), json_to)
-    if report_to is not None:
-        from schuler.reports.navigation import navigation_report
-
-        navigation_report(path, evaluation, report_to)
+        about = {"schuler": __version__, "file": str(source.path), **source.how_read()}
+        emit_json({"schema": "schuler.navigation/3", **about, **found.to_dict()}, json_to)
+    draw(found, report_to)
     if wants_text():
         if fix is not None and not fix.consistent:
             echo(fix.headline())
-        _print(path, evaluation)
+        echo(found)
     finish()
     warnings = list(source.quality.warnings()) if source.quality else []
     # A vehicle that moves still has gravity's force on average.
@@ -266,45 +271,12 @@ def _align(
     )
 
 
-def _data(
-    path: Trajectory, navigator: Navigator, source: Any, fix: Alignment | None,
-    evaluation: Evaluation | None,
-) -> dict[str, Any]:  # fmt: skip
-    begin = path.rows(slice(0, 1)).final
+def _summary(fix: Alignment) -> dict[str, Any]:
+    """Return what the result of a navigation says of the alignment at its start."""
+    sigma = zip(("east", "north", "up"), map(float, fix.sigma_arcmin), strict=True)
     return {
-        "schema": "schuler.navigation/3",
-        "schuler": __version__,
-        "file": str(source.path),
-        **source.how_read(),
-        "gravity": navigator.gravity.model,
-        "vertical": navigator.vertical.mode,
-        "start": begin,
-        "final": path.final,
-        "sigma": path.sigma,
-        "alignment": None if fix is None else {
-            "consistent": fix.consistent,
-            "contradictions": list(fix.contradictions),
-            "heading_deg": float(fix.heading_deg),
-            "sigma_arcmin": dict(
-                zip(("east", "north", "up"), map(float, fix.sigma_arcmin), strict=True)
-            ),
-        },
-        "error": None if evaluation is None else evaluation.to_dict(),
-    }  # fmt: skip
-
-
-def _print(path: Trajectory, evaluation: Evaluation | None) -> None:
-    echo(f"{path.name}: {path.time[-1] - path.time[0]:.6g} s by free-inertial navigation")
-    echo(str(path))
-    if evaluation is None:
-        return
-    e = evaluation.to_dict()
-    echo(
-        f"error     {e['north_m']:.4f} m north, {e['east_m']:.4f} east, {e['down_m']:.4f} down "
-        f"at {e['time_s']:.6g} s; {e['nmi_per_h']:.4f} nmi/h"
-    )
-    if e["heading_deg"] is not None:
-        echo(
-            f"          heading {e['heading_deg']:.6f} deg, pitch {e['pitch_deg']:.6f}, roll "
-            f"{e['roll_deg']:.6f}"
-        )
+        "consistent": fix.consistent,
+        "contradictions": list(fix.contradictions),
+        "heading_deg": float(fix.heading_deg),
+        "sigma_arcmin": dict(sigma),
+    }

@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
-from schuler.cli.common import emit_json, json_option, report_option
+from schuler.cli.common import draw, emit_json, json_option, report_option
 from schuler.cli.completion import files
 from schuler.cli.parameters import InputFile, Number
 from schuler.errors import InputError
@@ -58,10 +58,7 @@ def command(**options: Any) -> int:
     found = table_north(np.array(angles), readings, latitude=None if lat is None else lat * DEG)
     if options["json_to"] is not None:
         emit_json(found.to_dict(), options["json_to"])
-    if options["report_to"] is not None:
-        from schuler.reports.north import north_report
-
-        north_report(found, options["report_to"])
+    draw(found, options["report_to"])
     if wants_text():
         echo(str(found))
     return 0 if found.consistent else CONTRADICTED

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any
 
 import click
 
-__all__ = ["Count", "InputFile", "Number", "OutputFile", "RecordTime", "Seconds"]
+__all__ = ["Count", "InputFile", "Number", "OutputFile", "OutputFolder", "RecordTime", "Seconds"]
 
 
 class _File(click.ParamType):  # type: ignore[type-arg]
@@ -63,6 +63,17 @@ class OutputFile(_File):
         if self.suffixes and suffix and text != "-" and suffix not in self.suffixes:
             allowed = " or ".join(self.suffixes)
             self.fail(f"'{text}' ends in {suffix}; expected a name in {allowed}", param, ctx)
+        return text
+
+
+class OutputFolder(_File):
+    """A folder that is written into; it is made where there is none."""
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> str:
+        """Return the name; that of a file is refused."""
+        text = super().convert(value, param, ctx)
+        if text == "-" or Path(text).is_file():
+            self.fail(f"'{text}' is no folder; figures are files of their own", param, ctx)
         return text
 
 

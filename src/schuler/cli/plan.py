@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from schuler.cli.command import Group, echo, wants_text
-from schuler.cli.common import emit_json, json_option, report_option
+from schuler.cli.common import draw, emit_json, json_option, report_option
 from schuler.cli.completion import specs
 from schuler.cli.parameters import Count, InputFile, Number, Seconds
 from schuler.errors import InputError
@@ -121,10 +121,6 @@ def centrifuge(**options: Any) -> None:
     )
 
     counts = _counts(options["positions"])
-    if options["report_to"] is not None:
-        from schuler.reports.page import graph_objects
-
-        graph_objects()
     limits = AngleLimits(*(_pair(options[key], key) for key in ("alpha", "beta", "gamma")))
     plant = Plant(
         force=options["force"], rate=options["rate"], latitude=options["lat"],
@@ -183,10 +179,7 @@ def centrifuge(**options: Any) -> None:
             "schema": "schuler.plan-trade/1", "plans": [p.to_dict() for p in found]
         }  # fmt: skip
         emit_json(data, options["json_to"])
-    if options["report_to"] is not None:
-        from schuler.reports.plan import plan_report
-
-        plan_report(found, options["report_to"])
+    draw(found, options["report_to"])
     if not wants_text():
         return
     echo(f"{'positions':>9}  {'dwell s':>7}  {options['objective']:>10}  {'published':>10}  "

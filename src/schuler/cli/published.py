@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from schuler.cli.command import Group, echo, wants_text
-from schuler.cli.common import emit_json, json_option, report_option
+from schuler.cli.common import draw, emit_json, json_option, report_option
 from schuler.cli.parameters import Count
 
 __all__ = ["command"]
@@ -97,10 +97,6 @@ def run_(
     changes = parse_overrides(overrides)
     for each in names:
         conditions(each, changes.items())  # a condition that is not there is said before the work
-    if report_to is not None:
-        from schuler.reports.page import graph_objects
-
-        graph_objects()  # a missing library is said before the work, too
     shown = sys.stderr.isatty()
     found = []
     for each in dict.fromkeys(names):
@@ -119,7 +115,4 @@ def run_(
             echo(("" if len(found) == 1 else "\n") + str(found[-1]))
     if json_to is not None:
         emit_json(to_dict(found), json_to)
-    if report_to is not None:
-        from schuler.reports.published import published_report
-
-        published_report(to_dict(found), report_to, {each.name: each.figures for each in found})
+    draw(found, report_to)

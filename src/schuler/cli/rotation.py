@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from schuler.cli.command import Group, echo, wants_text
-from schuler.cli.common import emit_json, json_option, report_option
+from schuler.cli.common import draw, emit_json, json_option, report_option
 from schuler.cli.completion import scenarios
 from schuler.cli.parameters import Count, InputFile, Number, OutputFile, Seconds
 from schuler.errors import InputError
@@ -32,55 +32,17 @@ def compare(**options: Any) -> None:
       schuler rotation compare four_gyro_rotation.toml
       schuler rotation compare four_gyro_rotation.toml --json - --report rotation.html
     """  # noqa: D301
-    from schuler.modulation import RotationCase, compare_rotation, strapdown_end
+    from schuler.modulation import RotationCase, compare_rotation
 
     case = RotationCase.from_toml(options["scenario"])
     found = compare_rotation(case)
-    data = found.to_dict()
-    data["check"] = None
     if options["check"]:
-        from schuler.motion import named_scheme
-
-        data["check"] = {
-            "latitude_deg": case.site.lat, "heading_deg": case.heading,
-            **{
-                f"{name}_enu_m": strapdown_end(case, scheme)[0].tolist()
-                for name, scheme in (("fixed", named_scheme("fixed")),
-                                     ("single_axis", case.single), ("two_axis", case.double))
-            },
-        }  # fmt: skip
+        found = found.checked()
     if options["json_to"] is not None:
-        emit_json(data, options["json_to"])
-    if options["report_to"] is not None:
-        from schuler.reports.rotation import rotation_report
-
-        rotation_report(found, options["report_to"])
+        emit_json(found.to_dict(), options["json_to"])
+    draw(found, options["report_to"])
     if wants_text():
-        _print(data)
-
-
-def _print(data: dict[str, Any]) -> None:
-    one, two = (data["schemes"][k]["name"] for k in ("single_axis", "two_axis"))
-    echo(f"{data['name']}: {data['array']}, {data['duration_s'] / 3600:g} h at rest; "
-               f"single axis: {one}; two axes: {two}")  # fmt: skip
-    echo(f"{'':>8}  {'largest error over headings, m':^32}  {'single axis is better by':^24}"
-               f"  {'two axes,':>9}")  # fmt: skip
-    echo(f"{'lat deg':>8}  {'fixed':>10} {'single':>10} {'two':>10}  "
-               f"{'worst %':>11} {'best %':>12}  {'times':>9}")  # fmt: skip
-    for r in data["latitudes"]:
-        low, high = r["single_axis_reduction_percent"]
-        echo(
-            f"{r['latitude_deg']:8.2f}  {r['fixed_largest_m']:10.1f} "
-            f"{r['single_axis_largest_m']:10.1f} {r['two_axis_largest_m']:10.1f}  {low:11.1f} "
-            f"{high:12.1f}  {r['two_axis_least_ratio']:9.1f}"
-        )
-    if data["check"] is not None:
-        c = data["check"]
-        for name in ("fixed", "single_axis", "two_axis"):
-            e, n = c[f"{name}_enu_m"]
-            echo(f"navigated in full at {c['latitude_deg']:g} deg, heading "
-                       f"{c['heading_deg']:g}: {name.replace('_', ' ')} {e:.1f} m east, "
-                       f"{n:.1f} m north")  # fmt: skip
+        echo(found)
 
 
 @command.command("run")
@@ -90,7 +52,7 @@ def _print(data: dict[str, Any]) -> None:
 @click.option("--table", "table_to", type=OutputFile(".csv", ".parquet"), metavar="FILE",
               help="Write all curves as a table: .csv or .parquet.")  # fmt: skip
 @click.option("--picture", "picture_to", type=OutputFile(".png", ".svg"), metavar="FILE",
-              help="Draw the curves as .png or .svg (needs matplotlib).")  # fmt: skip
+              help="Draw the curves as .png or .svg (needs Matplotlib).")  # fmt: skip
 @json_option("Write ends, largest values and curves as JSON (- : here).")
 @report_option("Draw the curves.")
 def run(**options: Any) -> None:
@@ -113,13 +75,10 @@ def run(**options: Any) -> None:
     if options["json_to"] is not None:
         emit_json(found.to_dict(), options["json_to"])
     if options["picture_to"] is not None:
-        from schuler.reports.rotation import history_picture
+        from schuler.reports.results import write_plot
 
-        history_picture(found, options["picture_to"])
-    if options["report_to"] is not None:
-        from schuler.reports.rotation import history_report
-
-        history_report(found, options["report_to"])
+        write_plot(found, options["picture_to"])
+    draw(found, options["report_to"])
     if wants_text():
         echo(found)
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler._files import check_keys, read_toml, replacing
-from schuler.cli.command import Command, CommandFiles, add_input
+from schuler.cli.command import REPEATED, Command, CommandFiles, add_input
 from schuler.cli.parameters import InputFile, OutputFile
 from schuler.errors import InputError
 
@@ -110,8 +110,15 @@ class RunCommand(Command):
 
 
 def mapping_of_run() -> Mapping | None:
-    """Return the mapping of the run that the running command repeats; its file is an input."""
-    found = click.get_current_context().meta.get(_RUN)
+    """Return the mapping of the run, or result, that is repeated; its file is an input."""
+    meta = click.get_current_context().meta
+    if REPEATED in meta:
+        from schuler.io import Mapping as Known
+
+        path, said = meta[REPEATED]
+        add_input("--again", path)
+        return Known.from_dict(said)
+    found = meta.get(_RUN)
     if found is None:
         return None
     path, mapping = found

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.ins.frames import east_angle
 from schuler.ins.layout import Layout
 from schuler.kernels import ins_layout as kernel
 
@@ -54,6 +55,12 @@ class EpochHistory:
     def quat_ne(self) -> Array:
         """Position as the rotation from n to the Earth's axes, (k, 4)."""
         return self._columns(kernel.O_FRAME, 4)
+
+    @property
+    def place(self) -> tuple[Array, Array, Array]:
+        """Latitude, longitude (rad) and height (m), (k,) each."""
+        lat, lon, _ = east_angle(self.quat_ne)
+        return lat, lon, self.height
 
     @property
     def height(self) -> Array:

@@ -41,6 +41,13 @@ class Axes:
     sign: tuple[int, int, int]
     name: str
 
+    def matrix(self) -> list[list[float]]:
+        """Return the matrix that turns file components into right, forward, up."""
+        return [
+            [float(s) if axis == k else 0.0 for axis in range(3)]
+            for k, s in zip(self.take, self.sign, strict=True)
+        ]
+
 
 RFU = Axes((0, 1, 2), (1, 1, 1), "RFU")
 

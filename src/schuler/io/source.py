@@ -13,6 +13,7 @@ import numpy as np
 
 from schuler.errors import InputError, shown
 from schuler.io.apart import with_accelerometers
+from schuler.io.axes import Axes
 from schuler.io.clock import Clock, timed
 from schuler.io.content import Content, wrapped
 from schuler.io.dialect import NoRowsError, detect
@@ -160,6 +161,11 @@ class Source:
     def meaning(self) -> str:
         """One sentence that says what the numbers are taken for."""
         return self._meaning.sentence
+
+    @property
+    def axes(self) -> Axes:
+        """Where the file's axes point."""
+        return self._meaning.axes
 
     @property
     def reading(self) -> Reading:

@@ -18,6 +18,7 @@ from schuler.constants import DEG
 from schuler.errors import InputError, shown
 from schuler.io.aid_files import local_file
 from schuler.io.mat import numeric_array
+from schuler.io.names import split_unit
 from schuler.io.sealed import read_sealed
 from schuler.trajectory import Trajectory
 
@@ -27,22 +28,46 @@ Array = NDArray[np.float64]
 
 LAYOUTS = ("schuler", "pyins", "psins")
 
-#: plain column name -> what it is; angles in deg, heading clockwise from north
+#: plain column name (small letters alone) -> what it is; heading clockwise from north
 _NAMES = {
-    **dict.fromkeys(("t", "time", "times", "timestamp"), "t"),
+    **dict.fromkeys((
+        "t", "time", "times", "timestamp", "timestamps", "gpstime", "gpst", "gpssow", "sow", "tow",
+        "sec", "secs", "seconds", "secondsofweek", "timeofweek",
+    ), "t"),
     **dict.fromkeys(("lat", "latitude"), "lat"),
-    **dict.fromkeys(("lon", "longitude", "long"), "lon"),
-    **dict.fromkeys(("height", "alt", "altitude", "h"), "height"),
-    **dict.fromkeys(("ve", "veast"), "ve"),
-    **dict.fromkeys(("vn", "vnorth"), "vn"),
-    **dict.fromkeys(("vu", "vup"), "vu"),
-    **dict.fromkeys(("vd", "vdown"), "vd"),
-    **dict.fromkeys(("heading", "yaw"), "heading"),
+    **dict.fromkeys(("lon", "longitude", "long", "lng"), "lon"),
+    **dict.fromkeys((
+        "height", "alt", "altitude", "h", "hell", "ellipsoidalheight", "ellheight", "hgt",
+    ), "height"),
+    **{
+        plain: f"v{way[0]}"
+        for way in ("east", "north", "up", "down")
+        for plain in (
+            f"v{way[0]}", f"v{way}", f"vel{way[0]}", f"vel{way}", f"velocity{way}", f"{way}vel",
+            f"{way}velocity", f"speed{way}",
+        )
+    },
+    **dict.fromkeys(("heading", "yaw", "azimuth", "hdg"), "heading"),
     **{name: name for name in ("pitch", "roll", "qw", "qx", "qy", "qz")},
-}
-_UNITS = re.compile(r"\s*[\[(].*|_(s|deg|m|mps|rad)$")
-_RADIANS = re.compile(r"[\[(]\s*rad\s*[\])]$|_rad$")
+}  # fmt: skip
 _ANGLES = ("lat", "lon", "heading", "pitch", "roll")
+_SPEEDS = ("ve", "vn", "vu", "vd")
+
+_ANGLE_UNITS = {"deg": 1.0, "degree": 1.0, "degrees": 1.0, "rad": 1.0 / DEG}
+_SPEED_UNITS = {
+    "m/s": 1.0, "mps": 1.0, "km/h": 1.0 / 3.6, "kph": 1.0 / 3.6, "kn": 1852.0 / 3600.0,
+    "ft/s": 0.3048,
+}  # fmt: skip
+#: to degrees, seconds, m and m/s
+_UNIT_FACTORS: dict[str, dict[str, float]] = {
+    **dict.fromkeys(_ANGLES, _ANGLE_UNITS), **dict.fromkeys(_SPEEDS, _SPEED_UNITS),
+    "t": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    "height": {"m": 1.0, "km": 1000.0, "ft": 0.3048},
+}  # fmt: skip
+
+#: KF-GINS's navigation file, which has no names: week, seconds, deg, m, m/s north, east, down, deg
+_KF_GINS = ("", "t", "lat", "lon", "height", "vn", "ve", "vd", "roll", "pitch", "heading")
+_MOST_WEEKS = 6000.0
 _LEAST = 2
 _QUAT = ("qw", "qx", "qy", "qz")
 
@@ -57,10 +82,12 @@ def read_trajectory(path: str | Path, layout: str | None = None) -> Trajectory:
     """Read a trajectory from CSV with named columns, Parquet, npz or JSON lines.
 
     Columns are known by name: time (s), lat, lon (deg), height or alt (m); VE, VN and VU or VD, or
-    v_east ... (m/s); heading (deg, clockwise from north), pitch, roll (deg); qw, qx, qy, qz (body
-    to East-North-Up), which count more than angles. So pyins tables are understood as they are.
-    Angles may be in rad where their names say so, as ``lat [rad]``; other units behind names are
-    passed over: they must be these. Rows with an empty cell are passed over. Gzip is unpacked.
+    v_east ... (m/s); heading, yaw or azimuth (deg, clockwise from north), pitch, roll (deg); qw,
+    qx, qy, qz (body to East-North-Up), which count more than angles. So pyins tables and exports of
+    other programs are understood as they are; columns are parted by commas, semicolons, tabs or
+    blanks. Units may stand behind names, as ``lat [rad]``, or in a row of their own below. A text
+    of eleven columns without names is KF-GINS's navigation file. Rows with an empty cell are passed
+    over. Gzip is unpacked.
 
     Parameters
     ----------
@@ -135,31 +162,51 @@ def _trajectory(table: dict[str, Array], name: str) -> Trajectory:
     )
 
 
-def _role(name: str) -> str | None:
-    plain = _UNITS.sub("", name.strip().lower())
-    return _NAMES.get(plain.replace("_", "").replace(" ", ""))
+def _named(name: str) -> tuple[str | None, float]:
+    """Return what a column is by its name, and the factor of its unit.
+
+    Raises
+    ------
+    InputError
+        If the unit is none of what it is.
+    """
+    base, unit = split_unit(name.strip())
+    role = _NAMES.get(_plain(base))
+    if role is None and "_" in base:
+        stem, _, last = base.rpartition("_")
+        role = _NAMES.get(_plain(stem))
+        if role is not None and last.lower() in _UNIT_FACTORS.get(role, {}):
+            unit = last
+        else:
+            role = None
+    return role, 1.0 if role is None or not unit else _factor(role, unit, name)
 
 
-def _roles(names: list[str]) -> dict[str, int]:
-    found: dict[str, int] = {}
+def _factor(role: str, unit: str, name: str) -> float:
+    known = _UNIT_FACTORS.get(role, {})
+    plain = unit.strip().lower().replace("°", "deg")
+    if known and plain not in known:
+        raise InputError(
+            f"column '{shown(name)}': the unit of {role} must be one of {', '.join(known)}"
+        )
+    return known.get(plain, 1.0)
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z]", "", name.lower())
+
+
+def _roles(names: list[str]) -> dict[str, tuple[int, float]]:
+    """Return for each role the column that has it, and its factor."""
+    found: dict[str, tuple[int, float]] = {}
     for k, name in enumerate(names):
-        role = _role(name)
+        role, factor = _named(name)
         if role is None:
             continue
         if role in found:
             raise InputError(f"two columns could both be {role}; keep one of them")
-        found[role] = k
+        found[role] = (k, factor)
     return found
-
-
-def _degrees(table: dict[str, Array], names: list[str], roles: dict[str, int]) -> dict[str, Array]:
-    """Turn into degrees the angles whose names say that they are in rad."""
-    return {
-        role: column / DEG
-        if role in _ANGLES and _RADIANS.search(names[roles[role]].strip().lower())
-        else column
-        for role, column in table.items()
-    }
 
 
 def _parquet(path: Path) -> dict[str, Array]:
@@ -168,12 +215,10 @@ def _parquet(path: Path) -> dict[str, Array]:
     table = read_sealed(path)[0]
     try:
         names = table.column_names
-        roles = _roles(names)
-        columns = {
-            role: np.asarray(numbers(table.column(k).cast(pa.float64())), np.float64)
-            for role, k in roles.items()
+        return {
+            role: factor * np.asarray(numbers(table.column(k).cast(pa.float64())), np.float64)
+            for role, (k, factor) in _roles(names).items()
         }
-        return _degrees(columns, names, roles)
     except (pa.ArrowException, OSError) as error:
         reason = str(error).splitlines()[0][:120]
         raise InputError(f"cannot be read ({shown(reason)})") from None
@@ -183,9 +228,10 @@ def _npz(path: Path) -> dict[str, Array]:
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             names = arrays.files
-            roles = _roles(names)
-            columns = {role: np.asarray(arrays[names[k]], np.float64) for role, k in roles.items()}
-            return _degrees(columns, names, roles)
+            return {
+                role: factor * np.asarray(arrays[names[k]], np.float64)
+                for role, (k, factor) in _roles(names).items()
+            }
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise InputError(f"cannot be read ({shown(str(error)[:120])})") from None
 
@@ -222,7 +268,7 @@ def _json_lines(path: Path) -> dict[str, Array]:
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"cannot be read ({reason})") from None
-    roles: dict[str, int] = {}
+    roles: dict[str, tuple[int, float]] = {}
     names: list[str] = []
     columns: list[list[float]] = []
     for number, line in enumerate(lines, 1):
@@ -236,38 +282,92 @@ def _json_lines(path: Path) -> dict[str, Array]:
             names = list(row)
             roles = _roles(names)
             columns = [[] for _ in roles]
-        cells: list[Any] = [row.get(names[k]) for k in roles.values()]
+        cells: list[Any] = [row.get(names[k]) for k, _ in roles.values()]
         if any(isinstance(v, bool) or not isinstance(v, int | float) for v in cells):
             raise InputError(f"line {number} lacks a number that the first line has")
         for column, value in zip(columns, cells, strict=True):
             column.append(float(value))
-    return dict(zip(roles, (np.array(c, np.float64) for c in columns), strict=True))
+    return {
+        role: factor * np.array(column, np.float64)
+        for (role, (_, factor)), column in zip(roles.items(), columns, strict=True)
+    }
 
 
 def _text(path: Path) -> dict[str, Array]:
+    """Return the columns of a table of text with names, or of KF-GINS's navigation file."""
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = csv.reader(line for line in file if line.strip() and not line.startswith("#"))
-            names = next(lines, [])
-            roles = _roles(names)
-            columns: list[list[float]] = [[] for _ in roles]
-            for number, cells in enumerate(lines, 1):
-                if len(cells) < len(names):
-                    raise InputError(
-                        f"data row {number} has {len(cells)} cells of {len(names)}; the file may "
-                        "be cut short"
-                    )
-                values = [cells[k].strip() for k in roles.values()]
-                if not all(values):
-                    continue
-                for column, value in zip(columns, values, strict=True):
-                    column.append(float(value))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"cannot be read ({reason})") from None
-    except InputError:
-        raise
-    except ValueError as error:
-        raise InputError(f"has a cell that is not a number ({error})") from None
-    found = dict(zip(roles, (np.array(c, np.float64) for c in columns), strict=True))
-    return _degrees(found, names, roles)
+    lines = [line for line in lines if line.strip() and not line.startswith(("#", "%"))]
+    if not lines:
+        raise InputError("it has no rows")
+    comma = max(",;\t", key=lines[0].count)
+    if comma in lines[0]:
+        try:
+            rows = [[c.strip() for c in cells] for cells in csv.reader(lines, delimiter=comma)]
+        except csv.Error as error:
+            raise InputError(f"cannot be read ({error})") from None
+    else:
+        rows = [line.split() for line in lines]
+    if all(_number(cell) is not None for cell in rows[0]):
+        return _without_names(rows)
+    names, body, first = rows[0], rows[1:], 1
+    if body and len(body[0]) == len(names) and all(_number(c) is None for c in body[0] if c):
+        # A row of units below the names.
+        names = [
+            f"{name} [{cell.strip('()[] ')}]" if cell.strip("()[] ") else name
+            for name, cell in zip(names, body[0], strict=True)
+        ]
+        body, first = body[1:], 2
+    roles = _roles(names)
+    columns: list[list[float]] = [[] for _ in roles]
+    for number, cells in enumerate(body, first):
+        if len(cells) < len(names):
+            raise InputError(
+                f"data row {number} has {len(cells)} cells of {len(names)}; the file may be cut "
+                "short"
+            )
+        wanted = [cells[k] for k, _ in roles.values()]
+        if not all(wanted):
+            continue
+        for column, cell in zip(columns, wanted, strict=True):
+            column.append(_value(cell, number))
+    return {
+        role: factor * np.array(column, np.float64)
+        for (role, (_, factor)), column in zip(roles.items(), columns, strict=True)
+    }
+
+
+def _without_names(rows: list[list[str]]) -> dict[str, Array]:
+    """Return the columns of KF-GINS's navigation file, the only text without names."""
+    if len(rows[0]) != len(_KF_GINS):
+        raise InputError(
+            f"its {len(rows[0])} columns have no names: name them in a first row, as "
+            "t,lat,lon,height,ve,vn,vu,heading,pitch,roll"
+        )
+    if any(len(row) != len(_KF_GINS) for row in rows):
+        raise InputError("its rows have different numbers of columns; the file may be cut short")
+    table = np.array([[_value(cell, k) for cell in row] for k, row in enumerate(rows, 1)])
+    week = table[:, 0]
+    if not np.all((week == np.round(week)) & (week >= 0.0) & (week < _MOST_WEEKS)):
+        raise InputError(
+            "eleven columns without names are read as KF-GINS's week, seconds, position, velocity "
+            "and attitude, and the first of these are no weeks: name them in a first row"
+        )
+    return {role: column for role, column in zip(_KF_GINS, table.T, strict=True) if role}
+
+
+def _number(cell: str) -> float | None:
+    try:
+        return float(cell)
+    except ValueError:
+        return None
+
+
+def _value(cell: str, number: int) -> float:
+    value = _number(cell)
+    if value is None:
+        raise InputError(f"data row {number} has a cell that is not a number ('{shown(cell)}')")
+    return value

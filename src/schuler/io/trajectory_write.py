@@ -20,12 +20,14 @@ from schuler.io.sealed import write_sealed
 from schuler.io.tracks import gpx_library, gpx_text, kml_text
 from schuler.trajectory import Trajectory
 
-__all__ = ["SUFFIXES", "check_trajectory_target", "table_columns", "write_trajectory"]
+__all__ = [
+    "SUFFIXES", "check_trajectory_target", "matlab_bytes", "table_columns", "write_trajectory",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-_MATLAB_HEAD = b"MATLAB 5.0 MAT-file, avp of PSINS by schuler"
+_MATLAB_HEAD = b"MATLAB 5.0 MAT-file, %s of PSINS by schuler"
 """Text at the beginning of a .mat file; SciPy's own has the time of day in it."""
 
 _MATLAB_TEXT = 116
@@ -204,14 +206,18 @@ def _kml(part: Path, trajectory: Trajectory, _: str, __: Mapping[str, Any]) -> N
 
 
 def _mat(part: Path, trajectory: Trajectory, layout: str, _: Mapping[str, Any]) -> None:
+    avp = np.column_stack(list(_LAYOUTS[layout](trajectory).values()))
+    part.write_bytes(matlab_bytes("avp", avp))
+
+
+def matlab_bytes(name: str, values: Array) -> bytes:
+    """Return a MATLAB 5 file with one array of PSINS, the same bytes for the same values."""
     from scipy.io import savemat
 
-    avp = np.column_stack(list(_LAYOUTS[layout](trajectory).values()))
     held = io.BytesIO()
-    savemat(held, {"avp": avp}, do_compression=True)
-    # The same trajectory makes the same bytes.
-    head = _MATLAB_HEAD.ljust(_MATLAB_TEXT)
-    part.write_bytes(head + held.getvalue()[_MATLAB_TEXT:])
+    savemat(held, {name: values}, do_compression=True)
+    head = (_MATLAB_HEAD % name.encode()).ljust(_MATLAB_TEXT)
+    return head + held.getvalue()[_MATLAB_TEXT:]
 
 
 _TABLES = ("schuler", "pyins")

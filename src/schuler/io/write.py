@@ -14,6 +14,7 @@ from schuler._files import replacing
 from schuler.errors import InputError
 from schuler.io.dialect import MAGIC
 from schuler.io.sealed import write_sealed
+from schuler.io.trajectory_write import matlab_bytes
 from schuler.record import ImuRecord
 
 __all__ = ["write"]
@@ -28,7 +29,9 @@ def _columns(gyros: int) -> list[str]:
     return ["t [s]", "dt [s]", *(f"{g} [rad]" for g in names), "ax [m/s]", "ay [m/s]", "az [m/s]"]
 
 
-def write(record: ImuRecord, path: str | Path, *, overwrite: bool = True) -> None:
+def write(
+    record: ImuRecord, path: str | Path, *, overwrite: bool = True, layout: str = "schuler"
+) -> None:
     """Save a record; `read` gives its numbers and flags back bit for bit.
 
     The file appears whole or not at all: it is written under another name in the same folder
@@ -42,6 +45,10 @@ def write(record: ImuRecord, path: str | Path, *, overwrite: bool = True) -> Non
         Its suffix chooses the format: .parquet, .csv or .npz.
     overwrite : bool
         Whether a file of that name may be replaced.
+    layout : {"schuler", "psins", "pyins"}
+        "psins": a .mat whose ``imu`` has a row to a sample, three angle and three velocity
+        increments (rad, m/s, right-forward-up) and the time at its end; "pyins": a .csv table of
+        increments in forward-right-down, which begins a row early (`to_pyins`).
 
     Raises
     ------
@@ -50,10 +57,14 @@ def write(record: ImuRecord, path: str | Path, *, overwrite: bool = True) -> Non
         or has not three gyros or more, or the file cannot be written.
     """
     path = Path(path)
-    save = _WRITERS.get(path.suffix.lower())
+    writers = _LAYOUTS.get(layout)
+    if writers is None:
+        raise InputError(f"layout must be one of {', '.join(_LAYOUTS)}, got '{layout}'")
+    save = writers.get(path.suffix.lower())
     if save is None:
+        own = "" if layout == "schuler" else f" in the layout of {layout}"
         raise InputError(
-            f"{path}: cannot write the format '{path.suffix}'; use {', '.join(_WRITERS)}"
+            f"{path}: cannot write the format '{path.suffix}'{own}; use {', '.join(writers)}"
         )
     if not len(record):
         raise InputError(f"{path}: the record has no samples, so there is nothing to write")
@@ -120,8 +131,24 @@ def _write_npz(record: ImuRecord, path: Path, about: str) -> None:
         )
 
 
-_WRITERS: dict[str, Callable[[ImuRecord, Path, str], None]] = {
-    ".parquet": _write_parquet,
-    ".csv": _write_csv,
-    ".npz": _write_npz,
+def _write_psins(record: ImuRecord, path: Path, _: str) -> None:
+    if record.dtheta.shape[1] != 3:
+        raise InputError(f"PSINS takes three gyros, this record has {record.dtheta.shape[1]}")
+    path.write_bytes(
+        matlab_bytes("imu", np.column_stack([record.dtheta, record.dvel, record.time]))
+    )
+
+
+def _write_pyins(record: ImuRecord, path: Path, _: str) -> None:
+    from schuler.io.frames import to_pyins
+
+    to_pyins(record).to_csv(path, index_label="time", lineterminator="\n")
+
+
+_Writer = Callable[[ImuRecord, Path, str], None]
+
+_LAYOUTS: dict[str, dict[str, _Writer]] = {
+    "schuler": {".parquet": _write_parquet, ".csv": _write_csv, ".npz": _write_npz},
+    "psins": {".mat": _write_psins},
+    "pyins": {".csv": _write_pyins},
 }

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler._files import check_keys, number, read_toml
-from schuler._notebook import Shown
+from schuler._result import Result, table_of_rows
 from schuler.constants import DEG, DEG_PER_HOUR
 from schuler.earth import Site
 from schuler.errors import InputError
@@ -190,7 +191,7 @@ def _scheme(table: Any, what: str, folder: Path) -> Scheme:
 
 
 @dataclass(frozen=True, eq=False)
-class RotationComparison(Shown):
+class RotationComparison(Result):
     """End errors over latitudes (p) and headings (q).
 
     Parameters
@@ -198,12 +199,15 @@ class RotationComparison(Shown):
     case : RotationCase
     fixed, single, double : (p, q, 2) float64
         East and north position error at the end, m.
+    check : mapping of str to (2,) float64, optional
+        Where the case's own site and heading end by full navigation, by scheme: east, north, m.
     """
 
     case: RotationCase
     fixed: Array = field(repr=False)
     single: Array = field(repr=False)
     double: Array = field(repr=False)
+    check: Mapping[str, Array] | None = field(default=None, repr=False)
 
     def metres(self) -> dict[str, Array]:
         """Return the lengths of the errors, (p, q), by scheme."""
@@ -255,7 +259,50 @@ class RotationComparison(Shown):
                 for i, lat in enumerate(case.latitudes)
             ],
             "rows": rows,
+            "check": None if self.check is None else {
+                "latitude_deg": case.site.lat, "heading_deg": case.heading,
+                **{f"{name}_enu_m": end.tolist() for name, end in self.check.items()},
+            },
         }  # fmt: skip
+
+    def checked(self) -> RotationComparison:
+        """Return the same with the case's own site and heading navigated in full as well."""
+        schemes = {
+            "fixed": named_scheme("fixed"), "single_axis": self.case.single,
+            "two_axis": self.case.double,
+        }  # fmt: skip
+        ends = {name: strapdown_end(self.case, scheme)[0] for name, scheme in schemes.items()}
+        return replace(self, check=ends)
+
+    def columns(self) -> dict[str, Any]:
+        """Return a row to each latitude and heading."""
+        return table_of_rows(self.to_dict()["rows"])
+
+    def __str__(self) -> str:
+        data = self.to_dict()
+        one, two = (data["schemes"][k]["name"] for k in ("single_axis", "two_axis"))
+        lines = [
+            f"{data['name']}: {data['array']}, {data['duration_s'] / 3600:g} h at rest; "
+            f"single axis: {one}; two axes: {two}",
+            f"{'':>8}  {'largest error over headings, m':^32}  {'single axis is better by':^24}"
+            f"  {'two axes,':>9}",
+            f"{'lat deg':>8}  {'fixed':>10} {'single':>10} {'two':>10}  "
+            f"{'worst %':>11} {'best %':>12}  {'times':>9}",
+        ]
+        for r in data["latitudes"]:
+            low, high = r["single_axis_reduction_percent"]
+            lines.append(
+                f"{r['latitude_deg']:8.2f}  {r['fixed_largest_m']:10.1f} "
+                f"{r['single_axis_largest_m']:10.1f} {r['two_axis_largest_m']:10.1f}  {low:11.1f} "
+                f"{high:12.1f}  {r['two_axis_least_ratio']:9.1f}"
+            )
+        for name, (east, north) in (self.check or {}).items():
+            lines.append(
+                f"navigated in full at {self.case.site.lat:g} deg, heading "
+                f"{self.case.heading:g}: {name.replace('_', ' ')} {east:.1f} m east, "
+                f"{north:.1f} m north"
+            )
+        return "\n".join(lines)
 
 
 def compare_rotation(case: RotationCase) -> RotationComparison:
@@ -277,7 +324,7 @@ def compare_rotation(case: RotationCase) -> RotationComparison:
             f"{case.name}: these errors move the fixed instrument nowhere at some heading, so "
             "there is nothing to compare; give it a gyro or accelerometer bias"
         )
-    return RotationComparison(case, *ends)
+    return RotationComparison(case, ends[0], ends[1], ends[2])
 
 
 def strapdown_end(

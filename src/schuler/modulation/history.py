@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler._files import replacing
-from schuler._notebook import Shown
+from schuler._result import Result
 from schuler.constants import ARCMIN
 from schuler.errors import InputError
 from schuler.modulation.compare import RotationCase
@@ -41,7 +41,7 @@ _MOST_POINTS = 600
 
 
 @dataclass(frozen=True, eq=False)
-class RotationHistory(Shown):
+class RotationHistory(Result):
     """Errors of a case at its own site and heading, from the start on.
 
     Parameters
@@ -88,16 +88,16 @@ class RotationHistory(Shown):
             },
         }
 
-    def to_pandas(self) -> pd.DataFrame:
-        """Return all series as a table, a column ``SCHEME_QUANTITY`` each, by time in s."""
-        import pandas as pd
-
-        columns = {
-            f"{scheme}_{quantity}": values
-            for scheme, table in self.series.items()
-            for quantity, values in table.items()
+    def columns(self) -> dict[str, Any]:
+        """Return time, and a column ``SCHEME_QUANTITY`` of each series."""
+        return {
+            "time_s": self.time,
+            **{f"{s}_{q}": v for s, table in self.series.items() for q, v in table.items()},
         }
-        return pd.DataFrame(columns, index=pd.Index(self.time, name="time_s"))
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return all series as a table by time in s."""
+        return super().to_pandas().set_index("time_s")
 
     def write_table(self, path: str | Path) -> None:
         """Write all series as a table: CSV or Parquet.
@@ -110,10 +110,7 @@ class RotationHistory(Shown):
         path = Path(path)
         if path.suffix not in (".csv", ".parquet"):
             raise InputError(f"{path}: a table is written as .csv or .parquet")
-        columns = {
-            "time_s": self.time,
-            **{f"{s}_{q}": v for s, table in self.series.items() for q, v in table.items()},
-        }
+        columns = self.columns()
         with replacing(path) as part:
             if path.suffix == ".csv":
                 with part.open("w", encoding="utf-8") as out:

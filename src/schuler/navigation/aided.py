@@ -117,7 +117,9 @@ def navigate_aided(
     rests = rests_of(record, gnss)
     instrument = spec or UNSPECIFIED
     bias, bias_sigma = bias_at_rest(record, rests, instrument)
-    begin = begin_of(record, gnss, start, bias)
+    # Of the bias that rest did not show, the coarse stage has to know.
+    left = replace(instrument, gyro=replace(instrument.gyro, bias=float(bias_sigma.max())))
+    begin = begin_of(record, gnss, start, bias, left)
     record = record.between(begin.time, None)
     used, withheld = (gnss, None) if outages is None else outages.divide(gnss, record.start)
     known = [aid for aid in aids if isinstance(aid, AIDS)]

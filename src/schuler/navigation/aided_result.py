@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler._notebook import Shown
+from schuler._result import Result
 from schuler.aiding import GnssFixes
 from schuler.attitude import multiply, quat_to_matrix, rotvec_to_quat
 from schuler.earth import moved, radii
@@ -38,7 +38,7 @@ _REFUSED_SHARE, _RATIO = 0.3, 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class AidedNavigation(Shown):
+class AidedNavigation(Result):
     """An aided navigation.
 
     Parameters
@@ -176,6 +176,10 @@ class AidedNavigation(Shown):
             "contradictions": list(self.contradictions), "warnings": list(self.warnings),
             "gaps": [list(gap) for gap in self.gaps],
         }  # fmt: skip
+
+    def columns(self) -> dict[str, Any]:
+        """Return the path, a row to each epoch."""
+        return dict(self.path.columns())
 
     def __str__(self) -> str:
         t = self.path.time

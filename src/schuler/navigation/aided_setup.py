@@ -100,7 +100,9 @@ class Begin:
     r_sigma: Array
 
 
-def begin_of(record: ImuRecord, gnss: GnssFixes, start: Start | None, bias: Array) -> Begin:
+def begin_of(
+    record: ImuRecord, gnss: GnssFixes, start: Start | None, bias: Array, spec: ImuSpec
+) -> Begin:
     """Return where, how fast and how turned the vehicle was at the first fix."""
     first = float(np.asarray(gnss.time)[0])
     k = int(np.searchsorted(record.time, first - 1e-9))
@@ -114,7 +116,7 @@ def begin_of(record: ImuRecord, gnss: GnssFixes, start: Start | None, bias: Arra
         v_n = np.asarray(gnss.v_n)[0]
         v_sigma = np.hypot(np.asarray(gnss.v_sigma)[0], 0.5 + 0.05 * float(np.linalg.norm(v_n)))
     if start is None:
-        found = motion_start(record.between(first, None), gnss, bias)
+        found = motion_start(record.between(first, None), gnss, spec, bias)
         sigma = np.maximum(2.0 * found.sigma, [1.5 * DEG, 1.5 * DEG, 3.0 * DEG])
         return Begin(first, place, found.quat_nb, v_n, sigma, v_sigma, r_sigma)
     sigma = np.array([1.0, 1.0, 5.0]) * DEG

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler._notebook import Shown
+from schuler._result import Result
 from schuler.attitude import multiply, psi_to_heading, quat_to_euler, quat_to_rotvec
-from schuler.constants import DEG
+from schuler.constants import ARCMIN, DEG
 from schuler.earth import gravity, radii
 from schuler.errors import InputError, expect
 from schuler.navigation.error_model import error_matrix
@@ -112,7 +112,7 @@ def components(time: ArrayLike, error: ArrayLike, lat: float, height: float = 0.
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation(Shown):
+class Evaluation(Result):
     """A path's errors at the reference's times.
 
     Parameters
@@ -182,6 +182,31 @@ class Evaluation(Shown):
                 out[f"{name}_deg"] = float(self.euler[-1, k] / DEG)
             out["max_attitude_deg"] = float(np.linalg.norm(self.phi, axis=1).max() / DEG)
         return out
+
+    def columns(self) -> dict[str, Any]:
+        """Return the errors at each time of the reference."""
+        out: dict[str, Any] = {"t [s]": self.time}
+        for what, values, unit, name in (
+            ("position", self.position, 1.0, "m"), ("velocity", self.velocity, 1.0, "m/s"),
+            ("phi", self.phi, ARCMIN, "arcmin"),
+        ):  # fmt: skip
+            if values is not None:
+                for k, side in enumerate(("east", "north", "up")):
+                    out[f"{what} error {side} [{name}]"] = values[:, k] / unit
+        return out
+
+    def __str__(self) -> str:
+        e = self.to_dict()
+        lines = [
+            f"error     {e['north_m']:.4f} m north, {e['east_m']:.4f} east, {e['down_m']:.4f} down "
+            f"at {e['time_s']:.6g} s; {e['nmi_per_h']:.4f} nmi/h"
+        ]
+        if e["heading_deg"] is not None:
+            lines.append(
+                f"          heading {e['heading_deg']:.6f} deg, pitch {e['pitch_deg']:.6f}, roll "
+                f"{e['roll_deg']:.6f}"
+            )
+        return "\n".join(lines)
 
 
 def _wrapped(angle: Array) -> Array:

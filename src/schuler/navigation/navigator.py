@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.attitude import euler_to_quat, heading_to_psi, nearest_quat
 from schuler.constants import DEG
 from schuler.earth import Site, radii
-from schuler.errors import InputError, expect
+from schuler.errors import InputError
 from schuler.kernels.states import (
     ErrorNoise,
     ErrorStates,
@@ -25,7 +25,7 @@ from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec, SensorArray, load_array, load_spec
 from schuler.trajectory import Trajectory
 
-__all__ = ["Navigator", "Start", "frame_of", "navigate"]
+__all__ = ["Fix", "MovingFix", "Navigator", "Start", "frame_of"]
 
 Array = NDArray[np.float64]
 
@@ -415,68 +415,3 @@ def _to_enu(covariance: Array, here: LocalRow) -> Array:
     slipped[velocity + 1, position] -= slip * here.v_n[0]
     rotation = slipped @ rotation
     return np.asarray(rotation @ covariance @ rotation.T)
-
-
-def navigate(
-    record: ImuRecord,
-    start: Start | Site,
-    fix: Fix | None = None,
-    *,
-    velocity: ArrayLike = (0.0, 0.0, 0.0),
-    gravity: Gravity | str | None = None,
-    vertical: Vertical | str | None = None,
-    every: int = 1,
-    spec: ImuSpec | str | None = None,
-    subsamples: int | None = None,
-    array: SensorArray | str | None = None,
-) -> Trajectory:
-    """Navigate a record without aiding (free-inertial).
-
-    Parameters
-    ----------
-    record : ImuRecord
-    start : Start or Site
-        Where it begins; a site goes with an alignment.
-    fix : Alignment, optional
-        The attitude at the record's start, and its covariance.
-    velocity : (3,) array_like
-        East, north, up at the start, m/s, with a site.
-    gravity, vertical, every, spec, subsamples, array
-        As in `Navigator`.
-
-    Returns
-    -------
-    Trajectory
-
-    Raises
-    ------
-    InputError
-        See `Navigator`.
-
-    Examples
-    --------
-    >>> path = navigate(record, Start.from_angles(site, heading=40.0))  # doctest: +SKIP
-    """
-    expect(record, ImuRecord, "record", "read a file with schuler.read")
-    expect(start, (Start, Site), "start")
-    if isinstance(start, Site):
-        if fix is None:
-            raise InputError("a site alone has no attitude: give an alignment, or a Start")
-        start = Start.from_alignment(start, fix, velocity)
-    elif fix is not None:
-        known = start.covariance
-        covariance = np.zeros((9, 9)) if known is None else np.array(known, np.float64)
-        if covariance.shape == (9, 9):
-            covariance[:3], covariance[:, :3] = 0.0, 0.0
-            covariance[:3, :3] = fix.covariance
-        start = replace(start, quat_nb=fix.quat_nb, covariance=covariance)
-    navigator = Navigator(
-        start,
-        gravity=gravity,
-        vertical=vertical,
-        every=every,
-        spec=spec,
-        subsamples=subsamples,
-        array=array,
-    )
-    return navigator.update(record).path()

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler._notebook import Shown
+from schuler._result import Result, table_of_rows
 from schuler.attitude import multiply, quat_to_rotvec
 from schuler.constants import ARCMIN
 from schuler.errors import InputError
@@ -106,7 +106,7 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Experiment(Shown):
+class Experiment(Result):
     """A repeated experiment.
 
     Parameters
@@ -117,7 +117,7 @@ class Experiment(Shown):
     runs : int
         Independent runs to each random figure.
     rows : tuple of Row
-    figures : tuple of Figure
+    drawn : tuple of Figure
         What its page draws; not part of the JSON.
     """
 
@@ -127,7 +127,7 @@ class Experiment(Shown):
     errata: tuple[str, ...]
     runs: int
     rows: tuple[Row, ...] = field(repr=False)
-    figures: tuple[Figure, ...] = field(default=(), repr=False)
+    drawn: tuple[Figure, ...] = field(default=(), repr=False)
 
     def row(self, quantity: str) -> Row:
         """Return the row of a quantity.
@@ -148,6 +148,10 @@ class Experiment(Shown):
             "title": self.title, "citation": self.citation, "errata": list(self.errata),
             "runs": self.runs, "rows": [asdict(row) for row in self.rows],
         }  # fmt: skip
+
+    def columns(self) -> dict[str, Any]:
+        """Return a row to each quantity."""
+        return table_of_rows(self.to_dict()["rows"])
 
     def __str__(self) -> str:
         def cell(value: float | None) -> str:

@@ -1,7 +1,7 @@
-"""Results as self-contained interactive pages; Plotly lives only here."""
+"""Results as self-contained interactive pages and as pictures; Plotly and Matplotlib live here."""
 
 from __future__ import annotations
 
-from schuler.reports.alignment import report
+from schuler.reports.results import report, save_figures
 
-__all__ = ["report"]
+__all__ = ["report", "save_figures"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from html import escape
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from schuler.constants import ARCMIN, DEG, DEG_PER_HOUR, MICRO_G
 from schuler.navigation import AidedNavigation
 from schuler.navigation.aid_estimates import estimate_rows
 from schuler.navigation.evaluate import Evaluation, normalised_rms, sigma_at
+from schuler.reports.figure import scatter
 from schuler.reports.figures import (
     BLUE,
     GREY,
@@ -26,14 +26,13 @@ from schuler.reports.figures import (
 from schuler.reports.navigation import local_way
 from schuler.reports.page import (
     Drawing,
+    Page,
     Section,
     contradiction_box,
     definition_table,
-    graph_objects,
-    write_page,
 )
 
-__all__ = ["aided_report"]
+__all__ = ["aided_page"]
 
 Array = NDArray[np.float64]
 
@@ -43,23 +42,14 @@ _GAP, _LEAST_GAP = 5.0, 1.0
 _AXES = (("east", BLUE), ("north", ORANGE), ("up", GREY))
 
 
-def aided_report(
-    found: AidedNavigation, to: str | Path, evaluation: Evaluation | None = None
-) -> None:
-    """Write the page.
+def aided_page(found: AidedNavigation, evaluation: Evaluation | None = None) -> Page:
+    """Return the page.
 
     Parameters
     ----------
     found : AidedNavigation
-    to : str or Path
-        The HTML file.
     evaluation : Evaluation, optional
         Against a reference: found errors are drawn over their sigma.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
     """
     path = found.path
     said = " + ".join(f"{n} {escape(name)}" for name, n in found.used.items())
@@ -90,8 +80,8 @@ def aided_report(
     if evaluation is not None:
         against.append(Section("Against the reference", drawings=_errors(found, evaluation)))
         rows += _error_rows(found, evaluation)
-    write_page(
-        to, f"Aided navigation: {path.name}", head,
+    return Page(
+        f"Aided navigation: {path.name}", head,
         [
             Section("Where it went", drawings=[_way(found), _height(found), _speed(found),
                                                _heading(found), *_tilt(found)]),
@@ -121,12 +111,11 @@ def _way(found: AidedNavigation) -> Drawing:
     layout = plot_layout(460, "east, m", "north, m", hovermode="closest")
     layout["yaxis"]["scaleanchor"] = "x"
     text = "The way over ground, from the start."
-    return Drawing(figure_of(traces, layout), text, text)
+    return Drawing("way", figure_of(traces, layout), text)
 
 
 def _band(t: Array, centre: Array, sigma: Array) -> Any:
-    go = graph_objects()
-    return go.Scatter(
+    return scatter(
         x=np.concatenate([t, t[::-1]]),
         y=np.concatenate([centre + 3.0 * sigma, (centre - 3.0 * sigma)[::-1]]),
         name="± 3 sigma", mode="lines", fill="toself", fillcolor="rgba(0,114,178,0.18)",
@@ -144,7 +133,9 @@ def _height(found: AidedNavigation) -> Drawing:
         _band(path.time[k], path.height[k], sigma),
         line_of(path.time[k], path.height[k], "height", BLUE),
     ]
-    return Drawing(figure_of(traces, plot_layout(260, "time, s", "height, m")), text, text)
+    return Drawing(
+        "height", figure_of(traces, plot_layout(260, "time, s", "height, m")), text, text
+    )
 
 
 def _heading(found: AidedNavigation) -> Drawing:
@@ -155,7 +146,9 @@ def _heading(found: AidedNavigation) -> Drawing:
     sigma = np.sqrt(path.variances[k, 2]) / DEG
     text = "Heading clockwise from north, without jumps at 360 degrees, with three sigma."
     traces = [_band(path.time[k], heading, sigma), line_of(path.time[k], heading, "heading", BLUE)]
-    return Drawing(figure_of(traces, plot_layout(260, "time, s", "heading, deg")), text, text)
+    return Drawing(
+        "heading", figure_of(traces, plot_layout(260, "time, s", "heading, deg")), text, text
+    )
 
 
 def _speed(found: AidedNavigation) -> Drawing:
@@ -167,7 +160,9 @@ def _speed(found: AidedNavigation) -> Drawing:
     sigma = np.sqrt(np.sum(along**2 * path.known("variances")[k, 3:6], axis=1))
     text = "Speed over ground, with three sigma."
     traces = [_band(path.time[k], speed, sigma), line_of(path.time[k], speed, "speed", BLUE)]
-    return Drawing(figure_of(traces, plot_layout(260, "time, s", "speed, m/s")), text, text)
+    return Drawing(
+        "speed", figure_of(traces, plot_layout(260, "time, s", "speed, m/s")), text, text
+    )
 
 
 def _tilt(found: AidedNavigation) -> list[Drawing]:
@@ -180,7 +175,7 @@ def _tilt(found: AidedNavigation) -> list[Drawing]:
         text = f"{name.capitalize()}, with three sigma."
         traces = [_band(path.time[k], angle, tilt), line_of(path.time[k], angle, name, BLUE)]
         layout = plot_layout(220, "time, s", f"{name}, deg")
-        out.append(Drawing(figure_of(traces, layout), text, text))
+        out.append(Drawing(name, figure_of(traces, layout), text))
     return out
 
 
@@ -203,7 +198,9 @@ def _biases(found: AidedNavigation) -> list[Drawing]:
                 line_of(time, bias[:, axis], "bias", BLUE),
             ]
             layout = plot_layout(200, "time, s", f"{side}, {word}")
-            out.append(Drawing(figure_of(traces, layout), text, text))
+            out.append(
+                Drawing(f"{group} {side}".replace("_", " "), figure_of(traces, layout), text)
+            )
     return out
 
 
@@ -236,7 +233,7 @@ def _errors(found: AidedNavigation, e: Evaluation) -> list[Drawing]:
                 _band(t, np.zeros(len(t)), spread), line_of(t, error[k, axis] / unit, "error", BLUE)
             ]  # fmt: skip
             layout = plot_layout(220, "time, s", f"{side}, {name}")
-            out.append(Drawing(figure_of(traces, layout), text, text))
+            out.append(Drawing(f"{what} error {side}", figure_of(traces, layout), text))
     return out
 
 
@@ -260,12 +257,11 @@ def _innovations(found: AidedNavigation, aid: str) -> Drawing:
             traces.append(line_of(t, ratio, label, colour))
     out = np.flatnonzero(weight == 0.0)[:POINTS]
     if len(out):
-        go = graph_objects()
         worst = np.max(np.abs(z[out]) / np.maximum(sigma[out], 1e-12), axis=1)
         traces.append(
-            go.Scatter(x=time[out], y=worst, name="refused", mode="markers",
+            scatter(x=time[out], y=worst, name="refused", mode="markers",
                        marker={"color": "#CC3311", "symbol": "x", "size": 7})
         )  # fmt: skip
     text = f"Predicted minus measured of {aid.replace('_', ' ')}, over its sigma: within 3."
     layout = plot_layout(280, "time, s", "innovation / sigma")
-    return Drawing(figure_of(traces, layout), escape(text), text)
+    return Drawing(f"innovations of {aid}".replace("_", " "), figure_of(traces, layout), text)

@@ -4,78 +4,61 @@ from __future__ import annotations
 
 from dataclasses import replace
 from html import escape
-from pathlib import Path
 
 from schuler.alignment import (
     Alignment,
     LatitudeFix,
     MovingAlignment,
+    MovingWindows,
     Windows,
     convergence,
     residual,
 )
 from schuler.alignment.transfer import TransferAlignment
 from schuler.constants import ARCMIN
-from schuler.errors import expect
 from schuler.reports import figures
-from schuler.reports.moving import moving_sections
-from schuler.reports.page import Drawing, Section, contradiction_box, definition_table, write_page
+from schuler.reports.moving import moving_sections, windows_section
+from schuler.reports.page import Drawing, Page, Section, contradiction_box, definition_table
 from schuler.reports.transfer import transfer_sections
-from schuler.trajectory import Trajectory
 
-__all__ = ["report"]
+__all__ = ["alignment_page", "latitude_page", "windows_page"]
 
 _RESIDUAL_BLOCKS = 1024
 
 
-def report(result: Alignment | Windows | LatitudeFix | Trajectory, path: str | Path) -> Path:
-    """Write a self-contained interactive HTML report.
+def alignment_page(fix: Alignment, windows: Windows | None = None) -> Page:
+    """Return the page of an alignment, at rest or in motion.
 
     Parameters
     ----------
-    result : Alignment, Windows, LatitudeFix or Trajectory
-    path : str or Path
-        The HTML file; it appears whole or not at all.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
-    SchulerError
-        If Plotly is not installed.
+    fix : Alignment
+    windows : Windows, optional
+        Whose whole span it is.
     """
-    if isinstance(result, Trajectory):
-        from schuler.reports.navigation import navigation_report
-
-        navigation_report(result, None, path)
-        return Path(path)
-    if isinstance(result, LatitudeFix):
-        result = result.alignment
-    windows = result if isinstance(result, Windows) else None
-    fix = windows.whole if windows is not None else result
-    expect(
-        fix, Alignment, "result",
-        "a report is made of an Alignment, Windows, LatitudeFix or Trajectory",
-    )  # fmt: skip
-    assert isinstance(fix, Alignment)
     name = fix.inputs.get("record", "record")
     if isinstance(fix, MovingAlignment):
         sections = moving_sections(fix)
         if isinstance(fix, TransferAlignment):
             sections += transfer_sections(fix)
+        if isinstance(windows, MovingWindows):
+            sections.insert(1, windows_section(windows))
         sections += [_budget(fix), _tables(fix)]
     else:
         sections = [_convergence(fix)]
         if windows is not None:
             sections.append(_windows(windows))
         sections += [_budget(fix), _raw(fix), _residuals(fix), _tables(fix)]
-    write_page(path, f"Alignment of {name}: {fix.headline()}", _headline(fix, name), sections)
-    return Path(path)
+    return Page(f"Alignment of {name}: {fix.headline()}", _headline(fix, name), sections)
+
+
+def windows_page(windows: Windows) -> Page:
+    """Return the page of an alignment with its windows."""
+    return alignment_page(windows.whole, windows)
+
+
+def latitude_page(found: LatitudeFix) -> Page:
+    """Return the page of an alignment that found its latitude too."""
+    return alignment_page(found.alignment)
 
 
 def _headline(fix: Alignment, name: str) -> str:
@@ -116,6 +99,7 @@ def _convergence(fix: Alignment) -> Section:
         "Convergence",
         drawings=[
             Drawing(
+                "convergence",
                 figures.convergence(c),
                 "Heading if the record had ended earlier, with the sigma that would have been "
                 "stated then.",
@@ -130,6 +114,7 @@ def _windows(w: Windows) -> Section:
         "Repeatability",
         drawings=[
             Drawing(
+                "windows",
                 figures.windows(w),
                 f"{len(w.each)} windows of {w.length:g} s that share no sample. Bars are the "
                 "sigma that each window states of itself; the band is the spread that was found.",
@@ -146,6 +131,7 @@ def _budget(fix: Alignment) -> Section:
         "Where the uncertainty comes from",
         drawings=[
             Drawing(
+                "budget",
                 figures.budget(fix),
                 "Each source's part of the heading's sigma; the total is the root sum square."
                 + spec,
@@ -163,11 +149,13 @@ def _raw(fix: Alignment) -> Section:
         "What the record shows",
         html=f"<p>{escape(quiet)}; disturbed stretches are shaded.</p>",
         drawings=[
-            Drawing(force, "How far the length of the specific force is from local gravity: the "
-                    "largest sample, the rms and the mean vector of each second.",
+            Drawing("specific force", force,
+                    "How far the length of the specific force is from local gravity: the largest "
+                    "sample, the rms and the mean vector of each second.",
                     "Departure of the specific force from gravity over time."),
-            Drawing(rate, "Length of the angular rate: the largest sample, the rms and the mean "
-                    "vector of each second. The Earth turns at 0.00418 deg/s.",
+            Drawing("angular rate", rate,
+                    "Length of the angular rate: the largest sample, the rms and the mean vector "
+                    "of each second. The Earth turns at 0.00418 deg/s.",
                     "Angular rate over time."),
         ],
     )  # fmt: skip
@@ -182,12 +170,13 @@ def _residuals(fix: Alignment) -> Section:
         f"means over {float(r.dt.mean()):.3g} s. The disturbance part of sigma comes from its "
         "low frequencies.</p>",
         drawings=[
-            Drawing(figures.residuals(r, fix.start),
+            Drawing("residuals", figures.residuals(r, fix.start),
                     "Residual of the velocity integral. A parabola in it (east) is a constant "
                     "drift of the gyros about north: it does not turn the heading, and is not "
                     "counted as disturbance.",
                     "Residual velocity east, north and up over time."),
-            Drawing(figures.spectrum(r), "Its amplitude spectral density, without that parabola.",
+            Drawing("spectrum", figures.spectrum(r),
+                    "Its amplitude spectral density, without that parabola.",
                     "Spectrum of the residual velocity."),
         ],
     )  # fmt: skip

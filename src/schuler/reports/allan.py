@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from html import escape
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,12 +10,13 @@ from numpy.typing import NDArray
 
 from schuler.allan_variance.deviation import Allan
 from schuler.allan_variance.fit import NoiseFit
-from schuler.allan_variance.output import spoken, unit_of
+from schuler.allan_variance.output import in_si, spoken, unit_of
+from schuler.reports.figure import scatter
 from schuler.reports.figures import BLUE, GREEN, ORANGE, figure_of, plot_layout
-from schuler.reports.page import Drawing, Section, definition_table, graph_objects, write_page
+from schuler.reports.page import Drawing, Page, Section, definition_table
 from schuler.units import to_unit
 
-__all__ = ["allan_report"]
+__all__ = ["allan_page", "noise_page"]
 
 Array = NDArray[np.float64]
 
@@ -27,23 +27,14 @@ _BANDS = ("rgba(0,114,178,0.20)", "rgba(230,159,0,0.24)", "rgba(0,158,115,0.20)"
 _LABELS = ("Q", "N", "B", "K", "R")
 
 
-def allan_report(found: Allan, fit: NoiseFit | None, path: str | Path) -> None:
-    """Write the page.
+def allan_page(found: Allan, fit: NoiseFit | None = None) -> Page:
+    """Return the page.
 
     Parameters
     ----------
     found : Allan
     fit : NoiseFit or None
         None where the record is too short for one.
-    path : str or Path
-        The HTML file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
-    SchulerError
-        If Plotly is not installed.
     """
     sections = []
     for part, title in (("gyro", "Gyros"), ("accel", "Accelerometers")):
@@ -58,7 +49,11 @@ def allan_report(found: Allan, fit: NoiseFit | None, path: str | Path) -> None:
         if fit is None:
             shown = "Points: deviation; bands: 68 % confidence."
         alt = f"{title}: {found.kind} deviation of {', '.join(names)} against averaging time."
-        sections.append(Section(title, drawings=[Drawing(_figure(found, fit, names), shown, alt)]))
+        sections.append(
+            Section(
+                title, drawings=[Drawing(title.lower(), _figure(found, fit, names), shown, alt)]
+            )
+        )
     if fit is not None:
         sections.append(Section("Noise", html=_table(fit)))
     rows = [
@@ -71,7 +66,12 @@ def allan_report(found: Allan, fit: NoiseFit | None, path: str | Path) -> None:
         ("bridged samples", str(found.bridged)),
     ]
     sections.append(Section("Inputs", html=definition_table(rows, "What it was found from")))
-    write_page(path, f"Noise of {found.name}", _headline(found, fit), sections)
+    return Page(f"Noise of {found.name}", _headline(found, fit), sections)
+
+
+def noise_page(fit: NoiseFit) -> Page:
+    """Return the page of a fit, with the deviations that it was found from."""
+    return allan_page(fit.source, fit)
 
 
 def _headline(found: Allan, fit: NoiseFit | None) -> str:
@@ -101,7 +101,6 @@ def _headline(found: Allan, fit: NoiseFit | None) -> str:
 
 
 def _figure(found: Allan, fit: NoiseFit | None, names: list[str]) -> Any:
-    go = graph_objects()
     unit = unit_of(names[0])
     factor = to_unit(1.0, unit)
     layout = plot_layout(520, "averaging time, s", f"deviation, {unit}", hovermode="closest")
@@ -122,7 +121,7 @@ def _figure(found: Allan, fit: NoiseFit | None, names: list[str]) -> Any:
         smallest = min(smallest, float(low[low > 0].min()))
         text = name.replace("_", " ")
         traces.append(
-            go.Scatter(
+            scatter(
                 x=np.concatenate([found.tau, found.tau[::-1]]),
                 y=np.concatenate([high, low[::-1]]),
                 mode="lines", fill="toself", fillcolor=band, line={"width": 0},
@@ -131,13 +130,13 @@ def _figure(found: Allan, fit: NoiseFit | None, names: list[str]) -> Any:
         )  # fmt: skip
         if fit is not None and fit.channels[name].squares().any():
             traces.append(
-                go.Scatter(
+                scatter(
                     x=tau, y=factor * fit.curve(name, tau), mode="lines", showlegend=False,
                     line={"color": colour, "width": 1.6}, hoverinfo="skip",
                 )
             )  # fmt: skip
         traces.append(
-            go.Scatter(
+            scatter(
                 x=found.tau, y=middle, name=text, mode="markers",
                 marker={"color": colour, "size": 6},
                 hovertemplate=text + "<br>%{x:.4g} s: %{y:.4g} " + unit + "<extra></extra>",
@@ -158,7 +157,6 @@ def _asymptotes(
     traces: list[Any], layout: dict[str, Any], smallest: float,
 ) -> None:  # fmt: skip
     """Add each term alone as a dotted line with its symbol, of the channel that has most of it."""
-    go = graph_objects()
     parts = np.array([fit.parts(name, tau) for name in names]) * factor
     for j, label in enumerate(_LABELS):
         most = int(np.argmax(parts[:, 0, j]))
@@ -169,7 +167,7 @@ def _asymptotes(
         colour = _COLOURS[most % 3]
         x, y = tau[inside], y[inside]
         traces.append(
-            go.Scatter(
+            scatter(
                 x=x, y=y, mode="lines", showlegend=False, hoverinfo="skip",
                 line={"color": colour, "width": 1.2, "dash": "dot"},
             )
@@ -197,13 +195,19 @@ def _table(fit: NoiseFit) -> str:
         body = ""
         for name in names:
             found = fit.channels[name]
-            cells = "".join(f"<td>{escape(spoken(found.terms[t]))}</td>" for t in terms)
+            cells = "".join(
+                f"<td>{escape(spoken(found.terms[t]))}"
+                f"<br><small>{escape(in_si(name, place, found.terms[t]))}</small></td>"
+                for place, t in enumerate(terms)
+            )
             misfit = f"{100 * found.misfit:.2g} %" if found.misfit else "by chance"
             body += (
                 f'<tr><th scope="row">{escape(name.replace("_", " "))}</th>{cells}'
                 f"<td>{escape(misfit)}</td></tr>"
             )
-        caption = f"{title}: ± 1 sigma; < where the record does not show it, with 95 %"
+        caption = (
+            f"{title}: ± 1 sigma, below it in SI; < where the record does not show it, with 95 %"
+        )
         out.append(
             f"<table><caption>{escape(caption)}</caption><thead><tr><td></td>{head}"
             f'<th scope="col">misfit of the variance</th></tr></thead><tbody>{body}</tbody></table>'

@@ -3,37 +3,24 @@
 from __future__ import annotations
 
 from html import escape
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from schuler.reports.figure import bar, scatter
 from schuler.reports.figures import BLUE, GREEN, GREY, ORANGE, figure_of, line_of, plot_layout
-from schuler.reports.page import Drawing, Section, definition_table, graph_objects, write_page
-from schuler.sensors import FaultScan, Reliability, SensorArray, isolable, named_array
+from schuler.reports.page import Drawing, Page, Section, definition_table
+from schuler.sensors import ArrayFigures, FaultScan, Reliability, SensorArray, isolable, named_array
 
-__all__ = ["array_report", "faults_report"]
+__all__ = ["array_page", "faults_page"]
 
 _MOST_BARS = 12
 _MOST_MODES = 24
 
 
-def array_report(array: SensorArray, reliability: Reliability, path: str | Path) -> None:
-    """Write the page.
-
-    Parameters
-    ----------
-    array : SensorArray
-    reliability : Reliability
-        Of this array.
-    path : str or Path
-        The HTML file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
-    """
+def array_page(found: ArrayFigures) -> Page:
+    """Return the page of an array and its reliability."""
+    array, reliability = found.array, found.reliability
     life, n = reliability.life, len(array)
     triad = Reliability(named_array("triad"), life, reliability.coverage)
     double = Reliability(named_array("triad-plus-one"), life, reliability.coverage)
@@ -68,8 +55,7 @@ def array_report(array: SensorArray, reliability: Reliability, path: str | Path)
         ("MTBF against an orthogonal triad", f"{ratio:.4g}"),
         ("MTBF against a triad with one axis doubled", f"{reliability.mtbf / double.mtbf:.4g}"),
     ]  # fmt: skip
-    write_page(
-        path,
+    return Page(
         f"Array: {array.name}",
         head,
         [
@@ -80,21 +66,13 @@ def array_report(array: SensorArray, reliability: Reliability, path: str | Path)
     )
 
 
-def faults_report(found: FaultScan, path: str | Path) -> None:
-    """Write the page of a parity test over a record.
+def faults_page(found: FaultScan) -> Page:
+    """Return the page of a parity test over a record.
 
     Parameters
     ----------
     found : FaultScan
-    path : str or Path
-        The HTML file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
     """
-    go = graph_objects()
     data = found.to_dict()
     alarms = [e for e in found.events if e.action != "taken back"]
     head = (
@@ -115,7 +93,7 @@ def faults_report(found: FaultScan, path: str | Path) -> None:
     ]  # fmt: skip
     if found.events:
         traces.append(
-            go.Scatter(
+            scatter(
                 x=[e.time for e in found.events], y=[threshold] * len(found.events),
                 mode="markers", name="events", marker={"color": ORANGE, "size": 11},
                 text=[f"{e.action}: gyro {e.gyro or 'unknown'}" for e in found.events],
@@ -146,20 +124,18 @@ def faults_report(found: FaultScan, path: str | Path) -> None:
         ],
         "What the test finds",
     )  # fmt: skip
-    write_page(
-        path,
+    return Page(
         f"Faults: {data['array']}",
         head,
         [
-            Section("The test", html=events, drawings=[Drawing(figure_of(traces, layout), text,
-                                                               text)]),
+            Section("The test", html=events,
+                    drawings=[Drawing("parity", figure_of(traces, layout), text)]),
             Section("Rates", html=rates),
         ],
     )  # fmt: skip
 
 
 def _variances(array: SensorArray) -> Drawing:
-    go = graph_objects()
     n = len(array)
     sets: list[tuple[int, ...]] = [
         s for s in array.subsets() if len(s) >= n - 1
@@ -167,13 +143,13 @@ def _variances(array: SensorArray) -> Drawing:
     labels = ["all" if len(s) == n else f"without {(set(range(n)) - set(s)).pop()}" for s in sets]
     v = np.array([array.variance(s) for s in sets])
     traces: list[Any] = [
-        go.Bar(x=labels, y=v[:, j], name=name, marker={"color": colour},
+        bar(x=labels, y=v[:, j], name=name, marker={"color": colour},
                hovertemplate="%{y:.4f}")
         for j, (name, colour) in enumerate((("x", BLUE), ("y", ORANGE), ("z", GREEN)))
     ]  # fmt: skip
     text = "Variance of each fused axis, for sensors of unit variance; bars stand for one failure."
     layout = plot_layout(340, "sensors in use", "variance", barmode="group")
-    return Drawing(figure_of(traces, layout), text, text)
+    return Drawing("variance", figure_of(traces, layout), text)
 
 
 def _curves(
@@ -188,4 +164,6 @@ def _curves(
         )
     ]  # fmt: skip
     text = "Chance that the array still measures all three axes, against time."
-    return Drawing(figure_of(traces, plot_layout(340, "time, h", "reliability")), text, text)
+    return Drawing(
+        "reliability", figure_of(traces, plot_layout(340, "time, h", "reliability")), text, text
+    )

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.campaigns.run import Results
 from schuler.campaigns.scatter import Scatter
 from schuler.constants import ARCMIN
+from schuler.reports.figure import bar, scatter
 from schuler.reports.figures import (
     BLUE,
     GREEN,
@@ -22,9 +23,9 @@ from schuler.reports.figures import (
     line_of,
     plot_layout,
 )
-from schuler.reports.page import Drawing, Section, definition_table, graph_objects, write_page
+from schuler.reports.page import Drawing, Page, Section, definition_table
 
-__all__ = ["campaign_report"]
+__all__ = ["campaign_page", "results_page", "scatter_page"]
 
 Array = NDArray[np.float64]
 
@@ -33,13 +34,12 @@ _MOST_DRAWN = 12
 """Places and methods that get figures of their own; the table has all."""
 
 
-def campaign_report(
+def campaign_page(
     scatters: Sequence[Scatter],
     name: str,
     inputs: Sequence[tuple[str, str]],
-    path: str | Path,
-) -> Path:
-    """Write the page.
+) -> Page:
+    """Return the page.
 
     Parameters
     ----------
@@ -49,24 +49,15 @@ def campaign_report(
         Of the scenario.
     inputs : sequence of (str, str)
         What it was made of, for the last table.
-    path : str or Path
-        The HTML file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
-    SchulerError
-        If Plotly is not installed.
     """
     sections = [Section("Summary", html=_table(scatters))]
     if len(scatters) > 1:
         sections.append(_comparison(scatters))
-    for scatter in scatters[:_MOST_DRAWN]:
-        title = " · ".join(filter(None, (scatter.label, scatter.method)))
+    for one in scatters[:_MOST_DRAWN]:
+        title = " · ".join(filter(None, (one.label, one.method)))
         text = (
-            f"Heading errors of {scatter.runs} runs: rms {scatter.rms:.3g}′, stated sigma "
-            f"{scatter.predicted:.3g}′. Bars: what was found; curve: what sigma promised."
+            f"Heading errors of {one.runs} runs: rms {one.rms:.3g}′, stated sigma "
+            f"{one.predicted:.3g}′. Bars: what was found; curve: what sigma promised."
         )
         quantiles = (
             "Heading error over its sigma, sorted, against the normal distribution. On the line: "
@@ -77,8 +68,8 @@ def campaign_report(
             Section(
                 title,
                 drawings=[
-                    Drawing(histogram(scatter), text, text),
-                    Drawing(quantile_plot(scatter), quantiles, quantiles),
+                    Drawing(f"errors {title}", histogram(one), text),
+                    Drawing(f"quantiles {title}", quantile_plot(one), quantiles),
                 ],
             )
         )
@@ -87,8 +78,35 @@ def campaign_report(
         note = f"<p>{more} more places and methods are in the table and the results alone.</p>"
         sections.append(Section("Not drawn", html=note))
     sections.append(Section("Inputs", html=definition_table(inputs, "What this was made of")))
-    write_page(path, f"Campaign: {name}", _headline(scatters, name), sections)
-    return Path(path)
+    return Page(f"Campaign: {name}", _headline(scatters, name), sections)
+
+
+def results_page(results: Results) -> Page:
+    """Return the page of a campaign's results."""
+    campaign = results.campaign
+    scenario = campaign.scenario
+    inputs = [
+        ("scenario", scenario.name),
+        ("motion", scenario.kind),
+        ("site", f"{scenario.site.lat:g} deg N, {scenario.site.lon:g} deg E, "
+         f"{scenario.site.height:g} m"),
+        ("record", f"{scenario.duration:g} s at {scenario.rate:g} Hz"),
+        ("instrument", "without errors" if scenario.spec is None else scenario.spec.name),
+        ("runs", f"{campaign.runs} at each of {len(campaign.points)} place(s)"),
+        *((f"sweep of {key}", ", ".join(map(str, v))) for key, v in campaign.sweep.items()),
+        ("seed", str(scenario.seed)),
+        ("attitude at", f"the {scenario.at}"),
+        ("results", str(results.path)),
+        ("SHA-256 of the scenario", scenario.digest),
+    ]  # fmt: skip
+    return campaign_page(results.scatters(), scenario.name, inputs)
+
+
+def scatter_page(found: Scatter) -> Page:
+    """Return the page of one place and method of a campaign."""
+    inputs = [("method", found.method), ("runs", str(found.runs))]
+    inputs += [(key, str(value)) for key, value in found.values.items()]
+    return campaign_page([found], found.label or found.method, inputs)
 
 
 def _headline(scatters: Sequence[Scatter], name: str) -> str:
@@ -138,8 +156,6 @@ def _text(value: float | None) -> str:
 
 def histogram(s: Scatter) -> Any:
     """Draw how heading errors lie, with the density that their sigmas promise."""
-    go = graph_objects()
-
     error, sigma = s.heading_error / ARCMIN, s.sigma[:, 2] / ARCMIN
     reach = 1.05 * float(max(np.max(np.abs(error)), 3.0 * np.median(sigma)))
     bins = int(np.clip(2.0 * np.sqrt(s.runs), 8, 60))
@@ -150,7 +166,7 @@ def histogram(s: Scatter) -> Any:
     u = x[:, None] / sigma
     promised = np.mean(np.exp(-0.5 * u**2) / (np.sqrt(2.0 * np.pi) * sigma), axis=1)
     layout = plot_layout(320, "heading error, arcmin", "runs", bargap=0.04, hovermode="closest")
-    bars = go.Bar(
+    bars = bar(
         x=np.round(0.5 * (edges[1:] + edges[:-1]), 6), y=count, width=width, name="found",
         marker={"color": BLUE, "opacity": 0.55}, hovertemplate="%{x:.3g}': %{y}<extra></extra>",
     )  # fmt: skip
@@ -162,8 +178,6 @@ def quantile_plot(s: Scatter) -> Any:
     """Draw sorted errors over sigma against normal quantiles, with the band of chance."""
     from scipy.special import betaincinv, ndtri
 
-    go = graph_objects()
-
     n = s.runs
     k = np.arange(1, n + 1)
     # At most 400 points say as much as all, and the ends are kept.
@@ -172,12 +186,12 @@ def quantile_plot(s: Scatter) -> Any:
     y: Array = np.sort(s.normalised)[keep]
     low: Array = ndtri(betaincinv(k, n + 1 - k, 0.005))[keep]
     high: Array = ndtri(1.0 - betaincinv(n + 1 - k, k, 0.005))[keep]
-    shade = go.Scatter(
+    shade = scatter(
         x=np.concatenate([x, x[::-1]]), y=np.concatenate([high, low[::-1]]), name="99 % of chance",
         mode="lines", fill="toself", fillcolor="rgba(0,114,178,0.14)", line={"width": 0},
         hoverinfo="skip",
     )  # fmt: skip
-    points = go.Scatter(
+    points = scatter(
         x=np.round(x, 6), y=np.round(y, 6), name="runs", mode="markers",
         marker={"color": BLUE, "size": 5},
         hovertemplate="normal %{x:.2f}: %{y:.2f} sigma<extra></extra>",
@@ -191,7 +205,6 @@ def quantile_plot(s: Scatter) -> Any:
 
 def _comparison(scatters: Sequence[Scatter]) -> Section:
     """Draw rms, sigma and limit at each place, a colour for each method."""
-    go = graph_objects()
 
     def place(s: Scatter) -> str:
         return ", ".join(map(str, s.values.values())) or "all runs"
@@ -204,13 +217,13 @@ def _comparison(scatters: Sequence[Scatter]) -> Section:
         at = [place(s) for s in mine]
         spread = [s.rms / np.sqrt(2.0 * s.runs) for s in mine]
         traces += [
-            go.Scatter(
+            scatter(
                 x=at, y=[s.rms for s in mine], name=f"{method}: rms", mode="lines+markers",
                 line={"color": colour, "width": 1.6}, marker={"size": 8},
                 error_y={"type": "data", "array": spread, "thickness": 1.2},
                 hovertemplate="%{y:.3g}'",
             ),
-            go.Scatter(
+            scatter(
                 x=at, y=[s.predicted for s in mine], name=f"{method}: sigma", mode="lines+markers",
                 line={"color": colour, "width": 1.4, "dash": "dash"},
                 marker={"size": 8, "symbol": "circle-open"}, hovertemplate="%{y:.3g}'",
@@ -219,7 +232,7 @@ def _comparison(scatters: Sequence[Scatter]) -> Section:
     bounds = {place(s): s.bound for s in scatters}
     if all(value is not None for value in bounds.values()):
         traces.append(
-            go.Scatter(
+            scatter(
                 x=list(bounds), y=list(bounds.values()), name="limit",
                 mode="lines+markers", line={"color": GREY, "width": 1.4, "dash": "dot"},
                 marker={"size": 7, "symbol": "line-ew-open"}, hovertemplate="%{y:.3g}'",
@@ -233,5 +246,5 @@ def _comparison(scatters: Sequence[Scatter]) -> Section:
         "limit of the instrument."
     )
     return Section(
-        "Across the sweep", drawings=[Drawing(figure_of(traces, layout), caption, caption)]
+        "Across the sweep", drawings=[Drawing("sweep", figure_of(traces, layout), caption)]
     )

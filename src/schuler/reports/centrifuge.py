@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from html import escape
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.centrifuge import CentrifugeTest
+from schuler.reports.figure import bar, heatmap, scatter
 from schuler.reports.figures import BLUE, GREY, ORANGE, figure_of, plot_layout
-from schuler.reports.page import Drawing, Section, definition_table, graph_objects, write_page
+from schuler.reports.page import Drawing, Page, Section, definition_table
 
-__all__ = ["correlation_figure", "platform_report"]
+__all__ = ["correlation_figure", "platform_page"]
 
 Array = NDArray[np.float64]
 
 
 def correlation_figure(correlation: Array, names: tuple[str, ...]) -> Any:
     """Return the matrix of correlations as a picture."""
-    go = graph_objects()
-    picture = go.Heatmap(
+    picture = heatmap(
         z=correlation, x=list(names), y=list(names), zmin=-1, zmax=1, colorscale="RdBu",
         colorbar={"title": "ρ", "thickness": 14},
         hovertemplate="%{x}, %{y}: %{z:.3f}<extra></extra>",
@@ -34,21 +33,12 @@ def correlation_figure(correlation: Array, names: tuple[str, ...]) -> Any:
     return figure_of([picture], layout)
 
 
-def platform_report(test: CentrifugeTest, path: str | Path) -> None:
-    """Write the page of a centrifuge test: errors, observability, weak combinations, coefficients.
+def platform_page(test: CentrifugeTest) -> Page:
+    """Return the page of a centrifuge test: errors, observability, weak combinations, coefficients.
 
     Parameters
     ----------
     test : CentrifugeTest
-    path : str or Path
-        The HTML file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
-    SchulerError
-        If Plotly is not installed.
     """
     found, plant, scheme = test.judgement, test.plant, test.scheme
     rows = test.rows()
@@ -88,6 +78,7 @@ def platform_report(test: CentrifugeTest, path: str | Path) -> None:
             "Correlation",
             drawings=[
                 Drawing(
+                    "correlation",
                     correlation_figure(found.correlation, names),
                     "Correlation of the coefficients' errors after the test.",
                     "Matrix of correlations",
@@ -97,8 +88,7 @@ def platform_report(test: CentrifugeTest, path: str | Path) -> None:
         Section("Observability", html=weak, drawings=[_singular(found.singular)]),
         Section("Inputs", html=definition_table(inputs, "What was judged")),
     ]
-    write_page(
-        path,
+    return Page(
         "Centrifuge test",
         "<h1>Centrifuge test of a platform</h1>"
         f'<p class="value">{found.relative[worst]:.3g} % '
@@ -109,16 +99,15 @@ def platform_report(test: CentrifugeTest, path: str | Path) -> None:
 
 def _accuracy(test: CentrifugeTest, rows: list[dict[str, Any]]) -> Drawing:
     """Draw errors over their sigma where the truth is known, else the relative sigmas."""
-    go = graph_objects()
     names = [row["name"] for row in rows]
     if test.fit is None or test.truth is None:
         text = "1 sigma of each coefficient, in per cent of its published value."
         layout = plot_layout(360, "", "sigma, %", hovermode="closest")
         layout["yaxis"]["type"] = "log"
         layout["xaxis"].update(tickangle=-90, tickfont={"size": 9}, dtick=1)
-        trace = go.Bar(x=names, y=test.judgement.relative, marker={"color": BLUE},
+        trace = bar(x=names, y=test.judgement.relative, marker={"color": BLUE},
                        hovertemplate="%{x}: %{y:.3g} %<extra></extra>")  # fmt: skip
-        return Drawing(figure_of([trace], layout), text, text)
+        return Drawing("accuracy", figure_of([trace], layout), text)
     error = (test.fit.value - test.truth) / test.fit.sigma
     text = "Error of each estimate over its own sigma; two of three lie within the lines at 1."
     layout = plot_layout(360, "", "error / sigma", hovermode="closest")
@@ -128,21 +117,21 @@ def _accuracy(test: CentrifugeTest, rows: list[dict[str, Any]]) -> Drawing:
          "line": {"color": GREY, "dash": "dot"}} for y in (-1, 1)
     ]  # fmt: skip
     colours = [ORANGE if abs(v) > 3 else BLUE for v in error]
-    trace = go.Bar(x=names, y=error, marker={"color": colours},
+    trace = bar(x=names, y=error, marker={"color": colours},
                    hovertemplate="%{x}: %{y:.2f}<extra></extra>")  # fmt: skip
-    return Drawing(figure_of([trace], layout), text, text)
+    return Drawing("errors over sigma", figure_of([trace], layout), text)
 
 
 def _singular(values: Array) -> Drawing:
-    go = graph_objects()
     layout = plot_layout(340, "number", "singular value", hovermode="closest")
     layout["yaxis"].update(type="log", dtick=1, exponentformat="power")
-    trace = go.Scatter(
+    trace = scatter(
         x=np.arange(1, len(values) + 1), y=values, mode="lines+markers",
         marker={"color": BLUE, "size": 6}, line={"color": BLUE, "width": 1},
         showlegend=False, hovertemplate="%{x}: %{y:.3g}<extra></extra>",
     )  # fmt: skip
     return Drawing(
+        "singular values",
         figure_of([trace], layout),
         "Singular values of the information, each coefficient scaled to one.",
         "Singular values, falling",

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from html import escape
-from pathlib import Path
 
 import numpy as np
 
+from schuler.alignment import RecordComparison
 from schuler.alignment.compare import Comparison
+from schuler.reports.figure import scatter
 from schuler.reports.figures import BLUE, figure_of, plot_layout
-from schuler.reports.page import Drawing, Section, contradiction_box, graph_objects, write_page
+from schuler.reports.page import Drawing, Page, Section, contradiction_box, definition_table
 
-__all__ = ["comparison_report"]
+__all__ = ["comparison_page", "records_page"]
 
 
 def _cell(value: float | None, form: str, unit: str = "") -> str:
@@ -21,21 +22,13 @@ def _cell(value: float | None, form: str, unit: str = "") -> str:
     return f"{value:,.0f}{unit}" if form == ".3g" and value >= 1000 else f"{value:{form}}{unit}"
 
 
-def comparison_report(found: Comparison, path: str | Path) -> None:
-    """Write the page.
+def comparison_page(found: Comparison) -> Page:
+    """Return the page.
 
     Parameters
     ----------
     found : Comparison
-    path : str or Path
-        The HTML file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
     """
-    go = graph_objects()
     done = [row for row in found.rows if row.heading_deg is not None]
     best = min(done, key=lambda row: row.sigma_arcmin or np.inf) if done else None
     body = "".join(
@@ -70,7 +63,7 @@ def comparison_report(found: Comparison, path: str | Path) -> None:
         layout["xaxis"].update(range=[-reach, reach])
         figure = figure_of(
             [
-                go.Scatter(
+                scatter(
                     x=np.array(off) * 60.0, y=names, mode="markers", name="heading",
                     marker={"color": BLUE, "size": 8},
                     error_x={"array": [row.sigma_arcmin for row in done], "color": BLUE},
@@ -80,7 +73,7 @@ def comparison_report(found: Comparison, path: str | Path) -> None:
             layout,
         )  # fmt: skip
         text = "Heading of every method with its 1-sigma bar, against that of the least sigma."
-        sections.append(Section("Headings", drawings=[Drawing(figure, text, text)]))
+        sections.append(Section("Headings", drawings=[Drawing("headings", figure, text)]))
     window = "" if found.window is None else f" · windows of {found.window:g} s"
     limit = "" if found.limit_arcmin is None else f" · limit {found.limit_arcmin:.3g}′"
     value = "no method found north" if best is None else (
@@ -93,5 +86,41 @@ def comparison_report(found: Comparison, path: str | Path) -> None:
         f'<p class="sub">{"" if best is None else "least sigma: " + escape(best.method) + " · "}'
         f"{found.duration:.6g} s{window}{limit}</p>"
     )
-    write_page(path, f"Methods compared: {found.name}", head,
+    return Page(f"Methods compared: {found.name}", head,
                [*sections, Section("Table", html=table)])  # fmt: skip
+
+
+def records_page(found: RecordComparison) -> Page:
+    """Return the page of two records held against each other."""
+    rows = found.rows()
+    names = [f"about {row['axis']}" for row in rows]
+    layout = plot_layout(240, "second less first, arcmin", "", hovermode="closest")
+    layout["yaxis"].update(autorange="reversed")
+    trace = scatter(
+        x=[row["difference_arcmin"] for row in rows], y=names, mode="markers",
+        name="difference, ± 1 sigma", marker={"color": BLUE, "size": 9},
+        error_x={"type": "data", "array": [row["sigma_arcmin"] for row in rows], "color": BLUE},
+        hovertemplate="%{y}: %{x:.3g}'<extra></extra>",
+    )  # fmt: skip
+    text = "Attitude of the second record less that of the first, with the sigma of both together."
+    table = definition_table(
+        [
+            (name, f"heading {fix.heading_deg:.4f} ± {fix.heading_sigma_arcmin / 60.0:.2g} deg, "
+             f"pitch {fix.pitch_deg:.4f}, roll {fix.roll_deg:.4f} deg")
+            for name, fix in zip(found.names, (found.first, found.second), strict=True)
+        ],
+        "Each alone",
+    )  # fmt: skip
+    value = "no difference shows" if found.equal else "the poses differ"
+    head = (
+        "<h1>Two records of one pose</h1>"
+        + contradiction_box(found.contradictions)
+        + f'<p class="value">{value}</p><p class="sub">chi-square {found.chi_square:.3g} of three '
+        f"degrees of freedom: as large by chance in {100.0 * found.probability:.2g} % where the "
+        "poses are the same</p>"
+    )
+    return Page(
+        f"Two records: {found.names[0]}, {found.names[1]}", head,
+        [Section("Difference", html=table,
+                 drawings=[Drawing("difference", figure_of([trace], layout), text)])],
+    )  # fmt: skip

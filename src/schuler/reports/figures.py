@@ -12,7 +12,7 @@ from schuler.constants import DEG
 from schuler.kernels.states import StretchSums
 from schuler.record import Summary
 from schuler.record.summary import joined_stretches
-from schuler.reports.page import graph_objects
+from schuler.reports.figure import Figure, bar, scatter
 
 __all__ = [
     "budget",
@@ -49,27 +49,20 @@ def plot_layout(height: int, x: str, y: str, **more: Any) -> dict[str, Any]:
     }
 
 
-def figure_of(traces: list[Any], layout: dict[str, Any]) -> Any:
-    """Return a figure without Plotly's own template."""
-    go = graph_objects()
-
-    # The default template repeats itself in every figure: 7 kB that the page's style replaces.
-    return go.Figure(traces, {"template": "none", **layout})
+def figure_of(traces: list[dict[str, Any]], layout: dict[str, Any]) -> Figure:
+    """Return a figure of traces."""
+    return Figure(traces, layout)
 
 
 def line_of(x: Array, y: Array, name: str, colour: str, **more: Any) -> Any:
     """Return a line trace."""
-    go = graph_objects()
-
-    return go.Scatter(
+    return scatter(
         x=np.round(x, 6), y=y, name=name, mode="lines", line={"color": colour, "width": 1.6}, **more
     )
 
 
 def _band(x: Array, low: Array, high: Array, name: str, colour: str = _BAND) -> Any:
-    go = graph_objects()
-
-    return go.Scatter(
+    return scatter(
         x=np.concatenate([x, x[::-1]]),
         y=np.concatenate([high, low[::-1]]),
         name=name,
@@ -91,7 +84,7 @@ def convergence(c: Convergence) -> Any:
     layout["xaxis"].update(type="log")
     layout["yaxis"].update(range=[final - reach, final + reach], tickformat=".4~g")
     line = line_of(c.t, c.heading_deg, "heading", BLUE)
-    line.hovertemplate = "%{y:.4f} deg"
+    line["hovertemplate"] = "%{y:.4f} deg"
     return figure_of(
         [_band(c.t, c.heading_deg - sigma, c.heading_deg + sigma, "± 1 sigma"), line], layout
     )
@@ -189,8 +182,6 @@ def spectrum(r: Residual) -> Any:
 
 def budget(fix: Alignment) -> Any:
     """Draw what each source adds to the heading's sigma, with the total and the limit."""
-    go = graph_objects()
-
     shares = sorted(fix.budget_arcmin2.items(), key=lambda item: item[1])
     total = float(fix.sigma_arcmin[2])
     names = [name.replace("_", " ") for name, _ in shares] + ["total"]
@@ -201,7 +192,7 @@ def budget(fix: Alignment) -> Any:
     )  # fmt: skip
     layout["xaxis"].update(rangemode="tozero", range=[0, 1.18 * total])
     traces = [
-        go.Bar(
+        bar(
             x=values,
             y=names,
             orientation="h",
@@ -233,8 +224,6 @@ def budget(fix: Alignment) -> Any:
 
 def windows(w: Windows) -> Any:
     """Draw the heading of each window with its sigma, the mean and the spread."""
-    go = graph_objects()
-
     mean = w.mean_heading_deg
     start = np.array([x.start for x in w.each])
     end = np.array([x.end for x in w.each])
@@ -249,7 +238,7 @@ def windows(w: Windows) -> Any:
         traces.append(_band(edge, np.full(2, -std), np.full(2, std), f"± {std:.2f}' (spread)"))
     traces.append(line_of(edge, np.zeros(2), f"mean {mean:.4f} deg", BLUE, hoverinfo="skip"))
     traces.append(
-        go.Scatter(
+        scatter(
             x=middle, y=off, name="windows, ± 1 sigma predicted", mode="markers",
             marker={"color": ORANGE, "size": 8},
             error_y={"type": "data", "array": sigma, "color": ORANGE, "thickness": 1.4},

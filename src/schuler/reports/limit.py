@@ -3,33 +3,26 @@
 from __future__ import annotations
 
 from html import escape
-from pathlib import Path
 
 import numpy as np
 
+from schuler.alignment import PathTable
 from schuler.alignment.limit_table import LimitTable, limit_table
 from schuler.reports.figures import BLUE, GREY, ORANGE, figure_of, line_of, plot_layout
-from schuler.reports.page import Drawing, Section, definition_table, write_page
+from schuler.reports.page import Drawing, Page, Section, definition_table
 
-__all__ = ["limit_report"]
+__all__ = ["limit_page", "path_page"]
 
 
-def limit_report(found: LimitTable, path: str | Path, interval: float = 0.01) -> None:
-    """Write the page.
+def limit_page(found: LimitTable, interval: float = 0.01) -> Page:
+    """Return the page.
 
     Parameters
     ----------
     found : LimitTable
         The curve runs from a tenth of its shortest time to ten times its longest.
-    path : str or Path
-        The HTML file.
     interval : float
         Sampling interval, s.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
     """
     spec, site, positions = found.spec, found.site, found.positions
     times = [each.duration for each in found.limits]
@@ -71,12 +64,37 @@ def limit_report(found: LimitTable, path: str | Path, interval: float = 0.01) ->
         f"position(s), latitude {site.lat:g}°. No method can do better.</p>"
     )
     caption = "The Cramér-Rao limit of phi (east, north, up) against the time used."
-    write_page(
-        path,
+    return Page(
         f"Limit of alignment: {spec.name}",
         head,
         [
-            Section("Against time", drawings=[Drawing(figure, caption, caption)]),
+            Section("Against time", drawings=[Drawing("limit", figure, caption)]),
             Section("Inputs", html=definition_table(rows, "What this is the limit of")),
         ],
     )
+
+
+def path_page(found: PathTable) -> Page:
+    """Return the page of the bound on a path."""
+    t = np.array([each.duration for each in found.limits])
+    sigma = np.array([each.sigma_arcmin for each in found.limits])
+    layout = plot_layout(420, "time on the path, s", "1 sigma, arcmin")
+    layout["yaxis"].update(type="log")
+    lines = [
+        line_of(t, sigma[:, k], name, colour, hovertemplate="%{y:.4g}'")
+        for k, name, colour in ((2, "up", BLUE), (0, "east", GREY), (1, "north", ORANGE))
+    ]
+    for line in lines:
+        line["mode"] = "lines+markers"
+    aids = " ".join(map(str, found.aids))
+    head = (
+        f"<h1>Limit of alignment on a path · {escape(found.path)}</h1>"
+        f'<p class="value">{sigma[-1, 2]:.3g}′ <span class="pm">at the end</span></p>'
+        f'<p class="sub">1 sigma of the heading after {t[-1]:g} s with {escape(aids)}, '
+        f"{escape(found.spec.name)}. No method can do better.</p>"
+    )
+    text = "The Cramér-Rao limit of phi (east, north, up) against the time on the path."
+    return Page(
+        f"Limit of alignment on a path: {found.path}", head,
+        [Section("Against time", drawings=[Drawing("limit", figure_of(lines, layout), text)])],
+    )  # fmt: skip

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.alignment import MovingAlignment
+from schuler.alignment import MovingAlignment, MovingWindows
 from schuler.constants import ARCMIN, DEG
 from schuler.ins import BodyVelocity
+from schuler.reports.figure import scatter
 from schuler.reports.figures import BLUE, GREY, ORANGE, POINTS, figure_of, line_of, plot_layout
-from schuler.reports.page import Drawing, Section, definition_table, graph_objects
+from schuler.reports.page import Drawing, Section, definition_table
 
-__all__ = ["moving_sections"]
+__all__ = ["moving_sections", "windows_section"]
 
 Array = NDArray[np.float64]
 
 _TIME = "time since the start of the span, s"
+
+_NAMED = 5
+"""Windows without a heading that are named below the picture."""
 
 _COLOURS = (BLUE, ORANGE, GREY)
 
@@ -70,7 +73,7 @@ def _sigma(fix: MovingAlignment) -> Drawing:
     layout = plot_layout(300, _TIME, "sigma, arcmin")
     layout["yaxis"]["type"] = "log"
     text = "1 sigma of the attitude after each measurement, from a start of which nothing is known."
-    return Drawing(figure_of(traces, layout), text, text)
+    return Drawing("sigma", figure_of(traces, layout), text)
 
 
 def _innovations(fix: MovingAlignment, aid: str) -> Drawing:
@@ -89,11 +92,40 @@ def _innovations(fix: MovingAlignment, aid: str) -> Drawing:
     if len(out):
         worst = np.max(np.abs(z[out]) / np.maximum(sigma[out], 1e-12), axis=1)
         traces.append(
-            graph_objects().Scatter(
+            scatter(
                 x=time[out], y=worst, name="refused", mode="markers",
                 marker={"color": "#CC3311", "symbol": "x", "size": 7},
             )
         )  # fmt: skip
     text = f"Predicted minus measured of {aid.replace('_', ' ')}, over its sigma: within 3."
     layout = plot_layout(260, _TIME, "innovation / sigma")
-    return Drawing(figure_of(traces, layout), escape(text), text)
+    return Drawing(f"innovations of {aid}".replace("_", " "), figure_of(traces, layout), text)
+
+
+def windows_section(w: MovingWindows) -> Section:
+    """Return the section of the windows of a drive."""
+    time = np.array([each.time for each in w.each]) - w.whole.start
+    off, sigma = w.off / DEG, w.off_sigma / DEG
+    layout = plot_layout(320, _TIME, "window less smoothed heading, deg", hovermode="closest")
+    edge: Array = np.array([0.0, w.whole.duration])
+    traces = [
+        line_of(edge, np.zeros(2), "smoothed heading of the whole", BLUE, hoverinfo="skip"),
+        scatter(
+            x=time, y=off, name="windows, ± 1 sigma", mode="markers",
+            marker={"color": ORANGE, "size": 8},
+            error_y={"type": "data", "array": sigma, "color": ORANGE, "thickness": 1.4},
+            hovertemplate="%{x:.6g} s: %{y:.3f} deg<extra></extra>",
+        ),
+    ]  # fmt: skip
+    refused = "".join(f" No heading from {a:.6g} to {b:.6g} s." for a, b, _ in w.refused[:_NAMED])
+    return Section(
+        "Windows",
+        drawings=[
+            Drawing(
+                "windows",
+                figure_of(traces, layout),
+                f"{w}. Bars hold the sigma of both headings.{refused}",
+                f"Differences of {len(w.each)} windows to the smoothed heading.",
+            )
+        ],
+    )

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from html import escape
-from pathlib import Path as File
 from typing import Any
 
 import numpy as np
 
 from schuler.constants import ARCMIN
 from schuler.earth import radii
-from schuler.navigation import Evaluation
+from schuler.navigation import Evaluation, FreeNavigation
 from schuler.reports.figures import (
     BLUE,
     GREEN,
@@ -21,27 +20,20 @@ from schuler.reports.figures import (
     line_of,
     plot_layout,
 )
-from schuler.reports.page import Drawing, Section, definition_table, write_page
+from schuler.reports.page import Drawing, Page, Section, definition_table
 from schuler.trajectory import Trajectory
 
-__all__ = ["local_way", "navigation_report"]
+__all__ = ["evaluation_page", "free_page", "local_way", "navigation_page"]
 
 
-def navigation_report(path: Trajectory, evaluation: Evaluation | None, to: str | File) -> None:
-    """Write the page.
+def navigation_page(path: Trajectory, evaluation: Evaluation | None = None) -> Page:
+    """Return the page.
 
     Parameters
     ----------
     path : Trajectory
     evaluation : Evaluation or None
         Against a reference.
-    to : str or Path
-        The HTML file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
     """
     f = path.final
     rows = [
@@ -79,7 +71,26 @@ def navigation_report(path: Trajectory, evaluation: Evaluation | None, to: str |
         f"<h1>Navigation · {escape(path.name)}</h1>"
         f'<p class="value">{value}</p><p class="sub">{sub}.</p>'
     )
-    write_page(to, f"Navigation: {path.name}", head, sections)
+    return Page(f"Navigation: {path.name}", head, sections)
+
+
+def free_page(found: FreeNavigation) -> Page:
+    """Return the page of a free-inertial navigation."""
+    return navigation_page(found.path, found.evaluation)
+
+
+def evaluation_page(e: Evaluation) -> Page:
+    """Return the page of a path's errors against a reference."""
+    figures = e.to_dict()
+    head = (
+        "<h1>Errors of a path</h1>"
+        f'<p class="value">{figures["horizontal_m"]:.4g} m off</p><p class="sub">horizontally at '
+        f"the end, against {escape(e.reference)}; {figures['nmi_per_h']:.3g} nmi/h.</p>"
+    )
+    return Page(
+        f"Errors against {e.reference}", head,
+        [Section("Against the reference", drawings=_errors(e))],
+    )  # fmt: skip
 
 
 def _thinned(n: int) -> Any:
@@ -102,14 +113,16 @@ def _track(path: Trajectory) -> Drawing:
     layout = plot_layout(460, "east, m", "north, m", hovermode="closest")
     layout["yaxis"]["scaleanchor"] = "x"
     text = "The way over ground, from the start."
-    return Drawing(figure_of([line_of(x, y, "way", BLUE)], layout), text, text)
+    return Drawing("way", figure_of([line_of(x, y, "way", BLUE)], layout), text)
 
 
 def _height(path: Trajectory) -> Drawing:
     k = _thinned(len(path))
     text = "Height above the ellipsoid."
     trace = line_of(path.time[k], path.position[k, 2], "height", BLUE)
-    return Drawing(figure_of([trace], plot_layout(260, "time, s", "height, m")), text, text)
+    return Drawing(
+        "height", figure_of([trace], plot_layout(260, "time, s", "height, m")), text, text
+    )
 
 
 def _errors(e: Evaluation) -> list[Drawing]:
@@ -118,20 +131,20 @@ def _errors(e: Evaluation) -> list[Drawing]:
     colours = (BLUE, ORANGE, GREY)
     out = []
 
-    def draw(values: Any, names: tuple[str, ...], unit: str, text: str) -> None:
+    def draw(what: str, values: Any, unit: str, text: str) -> None:
+        layout = plot_layout(300, "time, s", f"{what} error, {unit}")
         traces = [
             line_of(t, values[k, j], name, colours[j], hovertemplate="%{y:.4g}")
-            for j, name in enumerate(names)
+            for j, name in enumerate(("east", "north", "up"))
         ]
-        out.append(Drawing(figure_of(traces, plot_layout(300, "time, s", unit)), text, text))
+        out.append(Drawing(f"{what} error", figure_of(traces, layout), text))
 
-    level = ("east", "north", "up")
-    draw(e.position, level, "m", "Position error, path minus reference.")
+    draw("position", e.position, "m", "Position error, path minus reference.")
     if e.velocity is not None:
-        draw(e.velocity, level, "m/s", "Velocity error.")
+        draw("velocity", e.velocity, "m/s", "Velocity error.")
     if e.phi is not None:
-        draw(e.phi / ARCMIN, level, "arcmin", "Misalignment phi of the attitude.")
-    out[0].figure.add_trace(
+        draw("attitude", e.phi / ARCMIN, "arcmin", "Misalignment phi of the attitude.")
+    out[0].figure.data.append(
         line_of(t, e.radial[k], "horizontal", GREEN, hovertemplate="%{y:.4g}")
     )  # fmt: skip
     return out

@@ -2,47 +2,36 @@
 
 from __future__ import annotations
 
-from html import escape
-from pathlib import Path
-
 import numpy as np
 
 from schuler.alignment.table_north import TableNorth
 from schuler.constants import DEG, DEG_PER_HOUR
+from schuler.reports.figure import scatter
 from schuler.reports.figures import BLUE, GREY, figure_of, line_of, plot_layout
 from schuler.reports.page import (
     Drawing,
+    Page,
     Section,
     contradiction_box,
     definition_table,
-    graph_objects,
-    write_page,
 )
 
-__all__ = ["north_report"]
+__all__ = ["north_page"]
 
 
-def north_report(found: TableNorth, path: str | Path) -> None:
-    """Write the page.
+def north_page(found: TableNorth) -> Page:
+    """Return the page.
 
     Parameters
     ----------
     found : TableNorth
-    path : str or Path
-        The HTML file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
     """
-    go = graph_objects()
     theta = np.linspace(-180.0, 360.0, 361)
     wave = found.bias + found.amplitude * np.cos((theta - found.north_deg) * DEG)
     figure = figure_of(
         [
             line_of(theta, wave / DEG_PER_HOUR, "cosine", GREY),
-            go.Scatter(
+            scatter(
                 x=found.angles_deg, y=found.means / DEG_PER_HOUR, mode="markers", name="dwells",
                 marker={"color": BLUE, "size": 9},
                 error_y={"array": found.sigmas / DEG_PER_HOUR, "color": BLUE},
@@ -55,7 +44,6 @@ def north_report(found: TableNorth, path: str | Path) -> None:
     head = (
         "<h1>North by an indexing table</h1>"
         + contradiction_box(found.contradictions)
-        + f'<p class="value">{found.north_deg:.3f}° '
         + f'<p class="value">{found.north_deg:.3f}° <span class="pm">± {sigma}</span>'
         '</p><p class="sub">table angle at which the input axis points north</p>'
     )
@@ -69,10 +57,10 @@ def north_report(found: TableNorth, path: str | Path) -> None:
         ("bias", f"{found.bias / DEG_PER_HOUR:.4g} deg/h"),
         ("amplitude", f"{found.amplitude / DEG_PER_HOUR:.5g} deg/h"),
     ]
-    write_page(
-        path, "North by an indexing table", head,
+    return Page(
+        "North by an indexing table", head,
         [
-            Section("Readings", drawings=[Drawing(figure, escape(text), text)]),
+            Section("Readings", drawings=[Drawing("readings", figure, text)]),
             Section("Dwells", html=definition_table(rows, "Means without outliers")),
         ],
     )  # fmt: skip

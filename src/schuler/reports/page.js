@@ -29,6 +29,80 @@
     figures.push([target, figure]);
     Plotly.newPlot(target, figure.data, dress(figure.layout), config);
   });
+  // Save a figure as a picture, or what it draws as a table.
+  function offer(name, content, type) {
+    const link = document.createElement("a");
+    link.href = content instanceof Blob ? URL.createObjectURL(content) : content;
+    link.download = name + "." + type;
+    link.click();
+    if (content instanceof Blob) setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+  }
+  const kinds = {
+    f8: Float64Array, f4: Float32Array, i1: Int8Array, i2: Int16Array, i4: Int32Array,
+    u1: Uint8Array, u2: Uint16Array, u4: Uint32Array,
+  };
+  // Long arrays travel as base64 of their bytes, matrices with their shape.
+  function values(v) {
+    if (!v || v.bdata === undefined) return Array.from(v);
+    const bytes = Uint8Array.from(atob(v.bdata), (c) => c.charCodeAt(0));
+    const flat = Array.from(new kinds[v.dtype](bytes.buffer));
+    const shape = String(v.shape || flat.length).split(",").map(Number);
+    if (shape.length < 2) return flat;
+    return Array.from({ length: shape[0] }, (_, i) => flat.slice(i * shape[1], (i + 1) * shape[1]));
+  }
+  function cell(value) {
+    if (typeof value === "number") return String(Number(value.toPrecision(10)));
+    const text = value === null || value === undefined ? "" : String(value);
+    return /[",\n\r]/.test(text) ? '"' + text.replace(/"/g, '""') + '"' : text;
+  }
+  function table(figure) {
+    const title = (axis) => {
+      const found = figure.layout[axis + "axis"];
+      return (found && found.title && found.title.text) || axis;
+    };
+    const rows = [["trace", title("x"), title("y"), "value"]];
+    figure.data.forEach((trace, k) => {
+      const name = trace.name || "trace " + (k + 1);
+      const x = values(trace.x), y = values(trace.y);
+      if (trace.type === "heatmap") {
+        const z = values(trace.z);
+        y.forEach((b, i) => x.forEach((a, j) => rows.push([name, a, b, z[i][j]])));
+      } else {
+        x.forEach((a, i) => rows.push([name, a, y[i], ""]));
+      }
+    });
+    return rows.map((row) => row.map(cell).join(",")).join("\n") + "\n";
+  }
+  const WIDTH = 1000;
+  function picture(figure, type) {
+    // Paper is white: a saved figure is read outside of this page.
+    const layout = dress(figure.layout, paper);
+    layout.paper_bgcolor = "#fff";
+    const size = { format: type, width: WIDTH, height: layout.height, scale: 2 };
+    return Plotly.toImage({ data: figure.data, layout: layout }, size);
+  }
+  figures.forEach(([target, figure]) => {
+    const holder = target.closest("figure");
+    const name = holder.dataset.name.toLowerCase().replace(/[^a-z0-9]+/g, "-")
+      .replace(/^-|-$/g, "") || "figure";
+    const row = document.createElement("p");
+    row.className = "save";
+    row.append("Save ");
+    [["SVG", () => picture(figure, "svg").then((url) => offer(name, url, "svg"))],
+      ["PNG", () => picture(figure, "png").then((url) => offer(name, url, "png"))],
+      ["CSV", () => offer(name, new Blob([table(figure)], { type: "text/csv" }), "csv")],
+    ].forEach(([label, act]) => {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.textContent = label;
+      button.setAttribute("aria-label", "Save the figure " + name + " as " + label);
+      button.addEventListener("click", act);
+      row.append(button);
+    });
+    holder.append(row);
+  });
+  // For tests: what the buttons would save.
+  window.schulerFigures = { table, picture, figures };
   dark.addEventListener("change", () => {
     figures.forEach(([target, figure]) => Plotly.react(target, figure.data, dress(figure.layout), config));
   });

@@ -11,24 +11,33 @@ from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 from schuler import __version__
 from schuler._files import replacing
-from schuler.errors import SchulerError
+from schuler.reports.figure import Figure, graph_objects
 
-__all__ = [
-    "Drawing", "Section", "contradiction_box", "definition_table", "graph_objects", "write_page",
-]  # fmt: skip
+__all__ = ["Drawing", "Page", "Section", "contradiction_box", "definition_table", "write_page"]
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A Plotly figure with its caption and what a screen reader says of it."""
+    """A figure with its caption and what a screen reader says of it.
 
-    figure: Any
+    Parameters
+    ----------
+    name : str
+        What `figures` and ``--figures`` call it, plain words.
+    figure : Figure
+    caption : str
+        Plain text.
+    alt : str
+        What a screen reader says of it, plain text; the caption when not given.
+    """
+
+    name: str
+    figure: Figure
     caption: str
-    alt: str
+    alt: str = ""
 
 
 @dataclass(frozen=True)
@@ -38,6 +47,20 @@ class Section:
     title: str
     html: str = ""
     drawings: Sequence[Drawing] = ()
+
+
+@dataclass(frozen=True)
+class Page:
+    """What a result shows: a title, a headline in HTML (already escaped), and sections."""
+
+    title: str
+    head_html: str
+    sections: Sequence[Section]
+
+    @property
+    def drawings(self) -> list[Drawing]:
+        """All drawings, in their order."""
+        return [drawing for section in self.sections for drawing in section.drawings]
 
 
 def contradiction_box(contradictions: Sequence[str]) -> str:
@@ -62,35 +85,14 @@ def _script_json(data: str) -> str:
     return data.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def graph_objects() -> Any:
-    """Return Plotly's module of figures and traces.
-
-    Raises
-    ------
-    SchulerError
-        If Plotly is not installed.
-    """
-    try:
-        import plotly.graph_objects
-    except ImportError:
-        raise SchulerError(
-            "reports need Plotly, which is not installed: pip install 'schuler[report]'"
-        ) from None
-    return plotly.graph_objects
-
-
-def write_page(path: str | Path, title: str, head_html: str, sections: Sequence[Section]) -> None:
+def write_page(page: Page, path: str | Path) -> None:
     """Write a page, whole or not at all.
 
     Parameters
     ----------
+    page : Page
     path : str or Path
         The HTML file.
-    title : str
-        Title of the page, plain text.
-    head_html : str
-        HTML of the headline, already escaped.
-    sections : sequence of Section
 
     Raises
     ------
@@ -108,26 +110,27 @@ def write_page(path: str | Path, title: str, head_html: str, sections: Sequence[
     script = assets.joinpath("page.js").read_text(encoding="utf-8")
     parts: list[str] = []
     number = 0
-    for section in sections:
+    for section in page.sections:
         parts.append(f"<section><h2>{escape(section.title)}</h2>{section.html}")
         for drawing in section.drawings:
             number += 1
-            data = _script_json(drawing.figure.to_json())
+            data = _script_json(drawing.figure.to_plotly().to_json())
             parts.append(
-                f'<figure><div class="plot" id="plot{number}" role="img" '
-                f'aria-label="{escape(drawing.alt)}"></div>'
+                f'<figure data-name="{escape(drawing.name)}">'
+                f'<div class="plot" id="plot{number}" role="img" '
+                f'aria-label="{escape(drawing.alt or drawing.caption)}"></div>'
                 f"<figcaption>{escape(drawing.caption)}</figcaption>"
                 f'<script type="application/json" data-for="plot{number}">{data}</script></figure>'
             )
         parts.append("</section>")
-    page = (
+    text = (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<link rel="icon" href="data:,"><title>{escape(title)}</title>'
-        f"<style>{style}</style></head><body><header>{head_html}</header><main>"
+        f'<link rel="icon" href="data:,"><title>{escape(page.title)}</title>'
+        f"<style>{style}</style></head><body><header>{page.head_html}</header><main>"
         f"{''.join(parts)}</main><footer>schuler {escape(__version__)} · "
         "drag over a figure to zoom, double-click to return</footer>"
         f"<script>{library}</script><script>{script}</script></body></html>\n"
     )
     with replacing(path) as temporary:
-        temporary.write_text(page, encoding="utf-8", errors="backslashreplace")
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,22 +11,15 @@ import numpy as np
 from schuler.centrifuge import PUBLISHED_POSITIONS, Plan, judge
 from schuler.centrifuge.scorecard import LABELS
 from schuler.reports.centrifuge import correlation_figure
+from schuler.reports.figure import scatter
 from schuler.reports.figures import BLUE, GREY, ORANGE, figure_of, plot_layout
-from schuler.reports.page import Drawing, Section, definition_table, graph_objects, write_page
+from schuler.reports.page import Drawing, Page, Section, definition_table
 
-__all__ = ["plan_report"]
+__all__ = ["one_plan_page", "plan_page"]
 
 
-def plan_report(plans: Sequence[Plan], path: str | Path) -> None:
-    """Write the page of one plan, or of several with different numbers of positions.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
-    SchulerError
-        If Plotly is not installed.
-    """
+def plan_page(plans: Sequence[Plan]) -> Page:
+    """Return the page of one plan, or of several with different numbers of positions."""
     from schuler.centrifuge import coefficient_names
 
     best = min(plans, key=lambda p: p.objective)
@@ -49,6 +41,7 @@ def plan_report(plans: Sequence[Plan], path: str | Path) -> None:
             drawings=[
                 _positions(best),
                 Drawing(
+                    "correlation",
                     correlation_figure(found.correlation, coefficient_names()),
                     "Correlation of the coefficients' errors after the scheme.",
                     "Matrix of correlations",
@@ -65,7 +58,12 @@ def plan_report(plans: Sequence[Plan], path: str | Path) -> None:
         f"{sum(p.evaluations for p in plans)} evaluations in "
         f"{sum(p.seconds for p in plans):.1f} s.</p>"
     )
-    write_page(path, "Plan of a centrifuge test", head, sections)
+    return Page("Plan of a centrifuge test", head, sections)
+
+
+def one_plan_page(plan: Plan) -> Page:
+    """Return the page of one plan."""
+    return plan_page([plan])
 
 
 def _scorecard(plan: Plan) -> str:
@@ -88,14 +86,13 @@ def _scorecard(plan: Plan) -> str:
 
 
 def _search(plans: Sequence[Plan], name: str) -> Drawing:
-    go = graph_objects()
     traces: list[Any] = []
     for plan in plans:
         if not plan.history:
             continue
         seconds, _, value = (np.array(v) for v in zip(*plan.history, strict=True))
         traces.append(
-            go.Scatter(
+            scatter(
                 x=seconds, y=value, mode="lines+markers", line={"shape": "hv"},
                 name=f"{len(plan.positions)} positions",
                 hovertemplate="%{x:.1f} s: %{y:.4g}<extra></extra>",
@@ -103,18 +100,17 @@ def _search(plans: Sequence[Plan], name: str) -> Drawing:
         )  # fmt: skip
     layout = plot_layout(360, "time, s", f"best {name}", hovermode="closest")
     caption = "The best value so far; each mark is a round from a start of its own."
-    return Drawing(figure_of(traces, layout), caption, caption)
+    return Drawing("search", figure_of(traces, layout), caption)
 
 
 def _positions(plan: Plan) -> Drawing:
-    go = graph_objects()
     printed = np.array(PUBLISHED_POSITIONS, float)
     layout = plot_layout(440, "alpha, deg", "gamma, deg", hovermode="closest")
     for axis in ("xaxis", "yaxis"):
         layout[axis].update(range=[-8, 368], dtick=45)
     figure = figure_of(
         [
-            go.Scatter(
+            scatter(
                 x=rows[:, 0], y=rows[:, 2], mode="markers", name=name,
                 marker={"color": colour, "size": 12, "symbol": symbol},
                 hovertemplate="alpha %{x:g}°, gamma %{y:g}°<extra></extra>",
@@ -126,11 +122,12 @@ def _positions(plan: Plan) -> Drawing:
         ],
         layout,
     )  # fmt: skip
-    return Drawing(figure, "Where the platform is put.", "Positions of plan and publication")
+    return Drawing(
+        "positions", figure, "Where the platform is put.", "Positions of plan and publication"
+    )
 
 
 def _trade(plans: Sequence[Plan], name: str) -> Drawing:
-    go = graph_objects()
     count = [len(p.positions) for p in plans]
     layout = plot_layout(400, "positions", LABELS[name], hovermode="closest")
     layout["xaxis"].update(dtick=1)
@@ -143,11 +140,11 @@ def _trade(plans: Sequence[Plan], name: str) -> Drawing:
     layout["margin"] = {**layout.get("margin", {}), "r": 70}
     figure = figure_of(
         [
-            go.Scatter(
+            scatter(
                 x=count, y=[p.objective for p in plans], name=name, mode="lines+markers",
                 line={"color": BLUE},
             ),
-            go.Scatter(
+            scatter(
                 x=count, y=[p.scorecard.plan[other] for p in plans], name=other,
                 mode="lines+markers", line={"color": ORANGE, "dash": "dash"}, yaxis="y2",
             ),
@@ -155,6 +152,7 @@ def _trade(plans: Sequence[Plan], name: str) -> Drawing:
         layout,
     )  # fmt: skip
     return Drawing(
+        "trade",
         figure, "What more positions are worth, by the objective that was made small and another.",
         "Two objectives against the number of positions",
     )  # fmt: skip

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
-from pathlib import Path
 from typing import Any
 
+from schuler.reports.figure import scatter
 from schuler.reports.figures import BLUE, GREEN, GREY, ORANGE, PURPLE, figure_of, plot_layout
-from schuler.reports.page import Drawing, Section, graph_objects, write_page
+from schuler.reports.page import Drawing, Page, Section
 
-__all__ = ["published_report"]
+__all__ = ["experiment_page", "experiments_page"]
 
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE, GREY)
 _DASHES = ("solid", "dash", "dot")
@@ -48,7 +48,6 @@ def _drawings(name: str, found: Mapping[str, Any]) -> list[Drawing]:
 
     Where a figure is nought or negative the axis is linear, so that none is left out.
     """
-    go = graph_objects()
     marks = (("diamond", ORANGE), ("circle", GREY), ("square", BLUE), ("line-ns-open", GREEN))
     rows = [row for row in found["rows"] if any(v is not None for v in _values(row))]
     out = []
@@ -60,7 +59,7 @@ def _drawings(name: str, found: Mapping[str, Any]) -> list[Drawing]:
             picked = [(v, quantity) for v, quantity in picked if v is not None]
             if picked:
                 traces.append(
-                    go.Scatter(
+                    scatter(
                         x=[v for v, _ in picked], y=[quantity for _, quantity in picked],
                         mode="markers", name=head, hovertemplate="%{x:.4g}",
                         marker={"symbol": symbol, "color": colour, "size": 9,
@@ -74,18 +73,17 @@ def _drawings(name: str, found: Mapping[str, Any]) -> list[Drawing]:
         layout["hovermode"] = "y unified"
         text = f"Printed figures beside ours and the limit, {unit}"
         text += ", on a logarithmic axis." if positive else "."
-        out.append(Drawing(figure_of(traces, layout), text, f"{name}: {text}"))
+        out.append(Drawing(f"{name} {unit}", figure_of(traces, layout), text, f"{name}: {text}"))
     return out
 
 
 def _curves(figure: Any) -> Drawing:
     """Draw a figure of an experiment: lines, and points where there are few."""
-    go = graph_objects()
     traces = []
     for k, curve in enumerate(figure.curves):
         few = len(curve.x) <= 60
         traces.append(
-            go.Scatter(
+            scatter(
                 x=[float(v) for v in curve.x], y=[float(v) for v in curve.y], name=curve.name,
                 mode="lines+markers" if few else "lines", hovertemplate="%{y:.4g}",
                 line={"color": _COLOURS[k % len(_COLOURS)], "width": 1.6,
@@ -97,32 +95,29 @@ def _curves(figure: Any) -> Drawing:
     layout["legend"] = {"orientation": "h", "y": -0.3, "yanchor": "top", "x": 0}
     if figure.log_y:
         layout["yaxis"].update(type="log", exponentformat="power")
-    return Drawing(figure_of(traces, layout), f"{figure.title}.", f"{figure.title}: lines.")
+    return Drawing(
+        figure.title, figure_of(traces, layout), f"{figure.title}.", f"{figure.title}: lines."
+    )
 
 
-def published_report(
-    data: Mapping[str, Any], path: str | Path, figures: Mapping[str, Sequence[Any]] | None = None
-) -> None:
-    """Write the page of experiments.
+def experiment_page(found: Any) -> Page:
+    """Return the page of one experiment (`schuler.published.Experiment`)."""
+    return experiments_page([found])
+
+
+def experiments_page(experiments: Sequence[Any]) -> Page:
+    """Return the page of experiments.
 
     Parameters
     ----------
-    data : mapping
-        With the keys of the JSON schema `schuler.published/1`.
-    path : str or Path
-        The HTML file.
-    figures : mapping of str to sequence, optional
-        What each experiment draws (`schuler.published.Figure`).
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
+    experiments : sequence of schuler.published.Experiment
+        That package imports this one's.
     """
     sections = []
-    found = data["experiments"]
+    found = {each.name: each.to_dict() for each in experiments}
+    drawn_by = {each.name: each.drawn for each in experiments}
     for name, each in found.items():
-        drawn = [_curves(figure) for figure in (figures or {}).get(name, ())]
+        drawn = [_curves(figure) for figure in drawn_by[name]]
         errata = "".join(f"<li>{escape(text)}</li>" for text in each["errata"])
         sections.append(
             Section(
@@ -139,4 +134,4 @@ def published_report(
         f'<p class="sub">{count} figures: as printed, by the document’s method, by schuler’s best '
         "method on the same data, and the limit that no method beats</p>"
     )
-    write_page(path, "Published experiments", head, sections)
+    return Page("Published experiments", head, sections)

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from html import escape
-from pathlib import Path
 
 import numpy as np
 
-from schuler._files import replacing
 from schuler.constants import DEG_PER_HOUR
-from schuler.errors import InputError, SchulerError
 from schuler.modulation import RotationComparison, RotationHistory
 from schuler.modulation.history import QUANTITIES
+from schuler.reports.figure import heatmap
 from schuler.reports.figures import BLUE, GREY, ORANGE, figure_of, line_of, plot_layout
-from schuler.reports.page import Drawing, Section, definition_table, graph_objects, write_page
+from schuler.reports.page import Drawing, Page, Section, definition_table
 
-__all__ = ["history_picture", "history_report", "rotation_report"]
+__all__ = ["history_page", "rotation_page"]
 
 _CURVES = (
     ("east_m", "north_m", "distance_m"), ("v_east_m_s", "v_north_m_s"),
@@ -25,19 +23,12 @@ _COLOURS = {"fixed": GREY, "single_axis": ORANGE, "two_axis": BLUE}
 _WORDS = {"fixed": "fixed", "single_axis": "one axis", "two_axis": "two axes"}
 
 
-def rotation_report(found: RotationComparison, path: str | Path) -> None:
-    """Write the page.
+def rotation_page(found: RotationComparison) -> Page:
+    """Return the page.
 
     Parameters
     ----------
     found : RotationComparison
-    path : str or Path
-        The HTML file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
     """
     case, m = found.case, found.metres()
     one = 100.0 * (1.0 - m["single_axis"] / m["fixed"])
@@ -77,34 +68,27 @@ def rotation_report(found: RotationComparison, path: str | Path) -> None:
     layout = plot_layout(360, f"heading, deg (latitude {lat:g} deg)", "error, m")
     layout["yaxis"]["rangemode"] = "tozero"
     sections = [
-        Section("Against heading", drawings=[Drawing(figure_of(traces, layout), ends, ends)]),
+        Section("Against heading", drawings=[Drawing("heading", figure_of(traces, layout), ends)]),
         Section(
             "All headings and latitudes",
             drawings=[
-                _map(found, m["fixed"] / np.maximum(m["single_axis"], 1e-9),
+                _map("one axis", found, m["fixed"] / np.maximum(m["single_axis"], 1e-9),
                      "One axis: how many times smaller the error is than fixed; red is worse."),
-                _map(found, two,
+                _map("two axes", found, two,
                      "Two axes, in the same colours: how many times smaller the error is."),
             ],
         ),
         Section("Inputs", html=definition_table(rows, "What was compared")),
     ]  # fmt: skip
-    write_page(path, f"Rotation: {case.name}", head, sections)
+    return Page(f"Rotation: {case.name}", head, sections)
 
 
-def history_report(found: RotationHistory, path: str | Path) -> None:
-    """Write the page of errors over the hours.
+def history_page(found: RotationHistory) -> Page:
+    """Return the page of errors over the hours.
 
     Parameters
     ----------
     found : RotationHistory
-    path : str or Path
-        The HTML file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
     """
     case = found.case
     hours = found.time / 3600.0
@@ -127,10 +111,8 @@ def history_report(found: RotationHistory, path: str | Path) -> None:
                 for name, table in found.series.items()
             ]  # fmt: skip
             text = f"{words.capitalize()}, {unit}, over the hours."
-            drawings.append(
-                Drawing(figure_of(traces, plot_layout(300, "time, h", f"{words}, {unit}")), text,
-                        text)
-            )  # fmt: skip
+            layout = plot_layout(300, "time, h", f"{words}, {unit}")
+            drawings.append(Drawing(words, figure_of(traces, layout), text))
         sections.append(Section(title, drawings=drawings))
     rows = [
         ("array", case.array.name),
@@ -138,66 +120,14 @@ def history_report(found: RotationHistory, path: str | Path) -> None:
         ("two axes", f"{case.double.name}, period {case.double.period:.5g} s"),
     ]
     sections.append(Section("Inputs", html=definition_table(rows, "What was propagated")))
-    write_page(path, f"Rotation over the hours: {case.name}", head, sections)
+    return Page(f"Rotation over the hours: {case.name}", head, sections)
 
 
-def history_picture(found: RotationHistory, path: str | Path) -> None:
-    """Draw all curves as a PNG or SVG.
-
-    Parameters
-    ----------
-    found : RotationHistory
-    path : str or Path
-        Ends on .png or .svg.
-
-    Raises
-    ------
-    InputError
-        If the suffix is another, or the file cannot be written.
-    SchulerError
-        If matplotlib is not installed.
-    """
-    path = Path(path)
-    if path.suffix not in (".png", ".svg"):
-        raise InputError(f"{path}: a picture is written as .png or .svg")
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise SchulerError(
-            "pictures need matplotlib, which is not installed: pip install matplotlib"
-        ) from None
-    keys = [key for group in _CURVES for key in group]
-    figure = Figure(figsize=(11.0, 13.0), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(4, 2, sharex=True).ravel()
-    hours = found.time / 3600.0
-    for axis, key in zip(axes, keys, strict=True):
-        words, unit = QUANTITIES[key]
-        for name, table in found.series.items():
-            axis.plot(hours, table[key], color=_COLOURS[name], label=_WORDS[name], linewidth=1.2)
-        axis.set_ylabel(f"{words}, {unit}")
-        axis.grid(alpha=0.3)
-    for axis in axes[-2:]:
-        axis.set_xlabel("time, h")
-    axes[0].legend()
-    case = found.case
-    figure.suptitle(
-        f"{case.name}: latitude {case.site.lat:g} deg, heading {case.heading % 360:g} deg; at the "
-        f"end {found.reduction('single_axis'):.1f} % less by one axis, "
-        f"{found.reduction('two_axis'):.1f} % by two"
-    )
-    with replacing(path) as part:
-        figure.savefig(part, format=path.suffix[1:], metadata={"Date": None} if
-                       path.suffix == ".svg" else None)  # fmt: skip
-
-
-def _map(found: RotationComparison, ratio: np.ndarray, text: str) -> Drawing:
+def _map(name: str, found: RotationComparison, ratio: np.ndarray, text: str) -> Drawing:
     """Draw error fixed over error turned, by its logarithm: both maps have one scale."""
-    go = graph_objects()
     case = found.case
     ticks = (0.1, 0.3, 1, 3, 10, 30, 100)
-    trace = go.Heatmap(
+    trace = heatmap(
         x=case.headings, y=case.latitudes, z=np.log10(ratio), customdata=ratio, zmin=-2, zmax=2,
         colorscale=[[0, "#b2182b"], [0.5, "#f7f7f7"], [1, "#2166ac"]],
         colorbar={
@@ -207,4 +137,4 @@ def _map(found: RotationComparison, ratio: np.ndarray, text: str) -> Drawing:
         hovertemplate="heading %{x}, latitude %{y}: %{customdata:.3g} times<extra></extra>",
     )  # fmt: skip
     layout = plot_layout(380, "heading, deg", "latitude, deg", hovermode="closest")
-    return Drawing(figure_of([trace], layout), text, text)
+    return Drawing(name, figure_of([trace], layout), text)

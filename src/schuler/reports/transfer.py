@@ -41,7 +41,7 @@ def _mounting(fix: TransferAlignment) -> list[Drawing]:
     layout = plot_layout(300, "time since the start of the span, s", "sigma, arcmin")
     layout["yaxis"]["type"] = "log"
     text = "1 sigma of the mounting after each row of the master, about the slave's axes."
-    return [Drawing(figure_of(traces, layout), text, text)]
+    return [Drawing("mounting sigma", figure_of(traces, layout), text)]
 
 
 def _alone(free: FreeRun) -> list[Drawing]:
@@ -57,5 +57,5 @@ def _alone(free: FreeRun) -> list[Drawing]:
         ]
         layout = plot_layout(240, "time since the slave was alone, s", f"{what}, {unit}")
         text = f"The slave's {what} less its master's, by the mounting and lever arm found."
-        out.append(Drawing(figure_of(traces, layout), text, text))
+        out.append(Drawing(f"{what} alone", figure_of(traces, layout), text))
     return out

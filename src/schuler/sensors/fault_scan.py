@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler._notebook import Shown
+from schuler._result import Result
 from schuler.constants import DEG_PER_HOUR
 from schuler.errors import InputError
 from schuler.sensors.array import SensorArray
 from schuler.sensors.faults import FaultMonitor, ParityTest, Verdict, isolable, parity_matrix
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 __all__ = ["FaultEvent", "FaultScan", "scan_faults"]
 
@@ -60,7 +60,7 @@ class FaultEvent:
 
 
 @dataclass(frozen=True, eq=False)
-class FaultScan(Shown):
+class FaultScan(Result):
     """The parity test of a record.
 
     Parameters
@@ -131,14 +131,11 @@ class FaultScan(Shown):
             "working": list(self.working),
         }  # fmt: skip
 
-    def to_pandas(self) -> pd.DataFrame:
-        """Return the events as a table."""
-        import pandas as pd
-
-        return pd.DataFrame(
-            self.to_dict()["events"],
-            columns=["time_s", "action", "gyro", "onset_s", "delay_s", "reason"],
-        )
+    def columns(self) -> dict[str, Any]:
+        """Return a row to each event."""
+        names = ("time_s", "action", "gyro", "onset_s", "delay_s", "reason")
+        events = self.to_dict()["events"]
+        return {name: [event[name] for event in events] for name in names}
 
     def __str__(self) -> str:
         data = self.to_dict()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schuler._notebook import Shown
+from schuler._result import Result, table_of_rows
 from schuler.sensors.array import SensorArray, named_array
 from schuler.sensors.faults import isolable
 from schuler.sensors.reliability import Reliability
@@ -20,7 +20,7 @@ __all__ = ["ArrayFigures"]
 
 
 @dataclass(frozen=True, eq=False)
-class ArrayFigures(Shown):
+class ArrayFigures(Result):
     """The figures of an array.
 
     Parameters
@@ -67,15 +67,21 @@ class ArrayFigures(Shown):
         """Whether the parity alone tells which sensor is wrong."""
         return len(self.array) > 3 and isolable(self.array)
 
-    def to_pandas(self) -> pd.DataFrame:
-        """Return variance of each axis and determinant by working mode, as a table."""
-        import pandas as pd
-
+    def columns(self) -> dict[str, Any]:
+        """Return variance of each axis and determinant, a row to each working mode."""
         variance, size = self.array.subset_variance(), self.array.subset_determinant()
-        table = pd.DataFrame.from_dict(variance, orient="index", columns=["x", "y", "z"])
-        table["total"] = table.sum(axis=1)
-        table["determinant"] = pd.Series(size)
-        return table.rename_axis("working")
+        rows = [
+            {
+                "working": key, **dict(zip("xyz", map(float, v), strict=True)),
+                "total": float(sum(v)), "determinant": float(size[key]),
+            }
+            for key, v in variance.items()
+        ]  # fmt: skip
+        return table_of_rows(rows)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return `columns` as a table by the sensors that work."""
+        return super().to_pandas().set_index("working")
 
     def __str__(self) -> str:
         data = self.to_dict()

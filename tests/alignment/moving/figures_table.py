@@ -13,15 +13,15 @@ import numpy as np
 
 import schuler as sc
 from schuler.aiding import BodySpeed, GnssFixes
-from schuler.alignment.moving.body import body_rows
-from schuler.alignment.moving.coarse import coarse
-from schuler.alignment.moving.series import (
+from schuler.attitude import nearest_quat
+from schuler.constants import ARCMIN
+from schuler.in_motion.body import body_rows
+from schuler.in_motion.coarse import coarse
+from schuler.in_motion.series import (
     body_velocity_series,
     position_series,
     velocity_series,
 )
-from schuler.attitude import nearest_quat
-from schuler.constants import ARCMIN
 from schuler.sensors import GRADES
 from tests.alignment.moving.routes import (
     ROUTES,

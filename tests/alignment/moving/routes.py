@@ -62,6 +62,29 @@ def ship():
     return Sum((Route(legs, heading=40.0, speed=8.0), Sway(lines=lines)))
 
 
+def walker(rng, legs=60):
+    """A phone in a hand: steady walking with turns, and the sway of each step."""
+    way = [Manoeuvre(3.0)]
+    for _ in range(legs):
+        turn = float(rng.choice([90, -90, 45, -60, 180]))
+        way += [Manoeuvre(rng.uniform(8.0, 25.0)), Manoeuvre(2.0, turn=turn)]
+        if rng.random() < 0.3:
+            way += [Manoeuvre(1.0, speed=-1.4), Manoeuvre(5.0), Manoeuvre(1.0, speed=1.4)]
+    step = 1.8 + 0.2 * rng.random()
+
+    def phases(count):
+        return list(rng.uniform(0.0, 2.0 * np.pi, count))
+
+    lines = (
+        Lines("roll", [0.5 * step, step, 0.05], [3.0, 1.0, 4.0], phases(3)),
+        Lines("pitch", [step, 0.07], [2.0, 5.0], phases(2)),
+        Lines("heading", [0.5 * step, 0.03], [3.0, 8.0], phases(2)),
+        Lines("up", [step], [0.025], phases(1)), Lines("east", [0.5 * step], [0.015], phases(1)),
+        Lines("north", [step], [0.02], phases(1)),
+    )  # fmt: skip
+    return Sum((Route(way, heading=rng.uniform(0.0, 360.0), speed=1.4), Sway(lines=lines)))
+
+
 ROUTES = {"car": car, "accel": accel, "straight": straight, "plane": plane, "ship": ship}
 
 

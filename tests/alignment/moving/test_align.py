@@ -15,6 +15,8 @@ from schuler.io import Mapping, open_source, read_gnss
 from schuler.motion import Manoeuvre, Route
 from schuler.navigation import AidingOptions, navigate_aided
 from schuler.record import ImuRecord
+from schuler.sensors import CONSUMER_MEMS
+from schuler.simulation import simulate
 from tests.alignment.moving.routes import (
     SITE,
     body_speed,
@@ -23,9 +25,10 @@ from tests.alignment.moving.routes import (
     heading_error,
     noisy,
     truth_of,
+    walker,
 )
-from tests.alignment.moving.test_coarse import LEVER, ending, simulated
 from tests.conftest import chi_square_band
+from tests.in_motion.test_coarse import LEVER, ending, simulated
 
 GRADE, MEMS = "tactical-fog", "industrial-mems"
 
@@ -368,3 +371,21 @@ def test_passes_that_diverge_are_one_sentence(monkeypatch):
             noisy(perfect, "tactical-fog", rng), aiding=fixes(perfect, rng=rng, first=1.0),
             spec="tactical-fog",
         )  # fmt: skip
+
+
+def test_a_phone_in_a_walking_hand():
+    """A gyro bias of half a degree a second, and turns that come late: heading within 3 sigma.
+
+    Over a minute such a gyro loses the frame of the coarse stage, which therefore takes short
+    windows wherever the walker turns, and makes its series again without the bias it has found.
+    """
+    for seed, length in ((5, 100.0), (2, 320.0)):
+        rng = np.random.default_rng(seed)
+        motion = walker(rng)
+        perfect = simulate(motion, SITE, length, 25.0)
+        made = simulate(motion, SITE, length, 25.0, CONSUMER_MEMS, rng)
+        fix = sc.align(made.record, aiding=fixes(perfect, rng=rng, first=0.5))
+        assert fix.consistent
+        phi = heading_error(fix.quat_nb, perfect.truth.quat_nb[-1])
+        assert abs(phi[2]) < 3.0 * np.sqrt(fix.covariance[2, 2])
+        assert np.sqrt(fix.covariance[2, 2]) < 8.0 * DEG

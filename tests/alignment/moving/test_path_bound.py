@@ -12,7 +12,7 @@ from schuler.navigation import navigate
 from schuler.navigation.navigator import Start
 from schuler.sensors import GRADES
 from tests.alignment.moving.routes import ROUTES, SITE, body_speed, fixes, truth_of
-from tests.alignment.moving.test_coarse import simulated
+from tests.in_motion.test_coarse import simulated
 
 
 @cache

@@ -12,7 +12,7 @@ from schuler.sensors import GRADES, GyroSpec, ImuSpec
 from schuler.sensors.noise import corrupt
 from schuler.sensors.theory import flicker_correlation
 from tests.alignment.conftest import SITE, WHITE, phi_of
-from tests.conftest import chi_square_band
+from tests.conftest import LONG, chi_square_band
 
 FULL = ImuSpec.from_dict(
     {
@@ -52,7 +52,7 @@ def runs(still, spec, method, at, count, seed):
 )
 def test_nees_of_static_runs(still, method, at):
     """White noise and biases: NEES inside the 99 % band, with and without the disturbance part."""
-    count = 250
+    count = 250 if LONG else 100
     low, high = chi_square_band(3 * count, 0.01)
     total = instrument = 0.0
     for phi, part, fix in runs(still, WHITE, method, at, count, 11):
@@ -66,7 +66,7 @@ def test_nees_of_static_runs(still, method, at):
 @pytest.mark.parametrize("method", ["wahba", "integral-triad", "analytic"])
 def test_nees_of_the_other_methods(still, method):
     """False-alarm rate 1e-3 each."""
-    count = 150
+    count = 150 if LONG else 60
     low, high = chi_square_band(3 * count, 1e-3)
     nees = sum(
         phi @ np.linalg.solve(part, phi)
@@ -78,7 +78,7 @@ def test_nees_of_the_other_methods(still, method):
 @pytest.mark.slow
 def test_nees_with_every_type_of_noise(still):
     """Bias, walks, flicker and rounding together; false-alarm rate 1e-3."""
-    count = 150
+    count = 150 if LONG else 60
     low, high = chi_square_band(3 * count, 1e-3)
     nees = sum(
         phi @ np.linalg.solve(part, phi)
@@ -178,7 +178,7 @@ def test_constant_errors_of_a_tilted_base(section, key, text):
     from schuler.simulation import simulate
 
     spec = ImuSpec.from_dict({"gyro": {}, "accelerometer": {}, section: {key: text}})
-    motion, count = Static(50.0, 20.0, -30.0), 150
+    motion, count = Static(50.0, 20.0, -30.0), 150 if LONG else 100
     rng = np.random.default_rng(7)
     total = np.zeros(3)
     for _ in range(count):

@@ -208,6 +208,10 @@ def test_the_slave_navigates_on_alone_and_is_compared_with_its_master():
     assert np.abs(free.velocity[-1]).max() < 0.15
     assert np.abs(free.position[-1]).max() < 1.5
     assert np.abs(free.attitude[-1]).max() < 1.5e-3
+    # Without an end it aligns as long as it can.
+    last = sc.transfer(record, master, spec="tactical-fog", noise=NOISE, then_free=6.0)
+    assert last.end == pytest.approx(record.end - 6.5, abs=0.11)
+    assert last.free.seconds == pytest.approx(6.0, abs=0.11)
     out = fix.to_dict()
     assert out["transfer"]["free"]["seconds"] == free.seconds
     start = sc.Start.from_alignment(fix)
@@ -250,6 +254,7 @@ def test_impossible_requests_are_refused_in_a_sentence():
     refused("match is made of", match="speed")
     refused("rates alone", match="rate")
     refused("must go on to", then_free=60.0)
+    refused("must go on to", then_free=10.0, span=(None, record.end - 5.0))
     refused("unit quaternion", mounting=(1.0, 1.0, 0.0, 0.0))
     refused("three finite", lever=(1.0, np.nan, 0.0))
     refused("delay", delay=60.0)

@@ -13,16 +13,8 @@ from numpy.typing import NDArray
 from schuler.aiding import BodySpeed, BodyVelocity, GnssFixes, ZeroVelocity
 from schuler.aiding.checks import check_speed
 from schuler.alignment.history import History
-from schuler.alignment.moving.body import body_rows
-from schuler.alignment.moving.coarse import ENOUGH, CoarseAlignment, coarse, missing
 from schuler.alignment.moving.fine import FineAlignment, difference, filtered_end, fine, run_pass
 from schuler.alignment.moving.result import InMotion, MovingAlignment
-from schuler.alignment.moving.series import (
-    Series,
-    body_velocity_series,
-    position_series,
-    velocity_series,
-)
 from schuler.alignment.moving.setup import (
     Aid,
     Nominal,
@@ -42,6 +34,8 @@ from schuler.attitude import nearest_quat, quat_to_matrix
 from schuler.constants import DEG
 from schuler.earth import Site, radii
 from schuler.errors import InputError, expect
+from schuler.in_motion.coarse import CoarseAlignment
+from schuler.in_motion.start import Span
 from schuler.ins import Measurement
 from schuler.record import ImuRecord, Summariser
 from schuler.sensors import CONSUMER_MEMS, ImuSpec, load_spec
@@ -49,9 +43,6 @@ from schuler.sensors import CONSUMER_MEMS, ImuSpec, load_spec
 __all__ = ["align_moving", "mean_square", "track_history"]
 
 Array = NDArray[np.float64]
-
-_PASSES = 4
-"""Over a body velocity, whose path is not known at first."""
 
 _VIBRATION = (0.003, 0.01, 0.03, 0.1)
 """Velocity random walks that are tried until the innovations agree, m/s/sqrt(s)."""
@@ -70,6 +61,9 @@ _WRONG = 2.0
 
 _BEYOND = 6.0
 """Prior sigmas beyond which an estimate of the instrument contradicts its specification."""
+
+_GROSS = 0.3
+"""Scale factor or misalignment from which on it is another unit or axis."""
 
 _REFUSED = 0.3
 """Share of refused measurements that contradicts."""
@@ -176,62 +170,9 @@ class _Prepared:
     site: Site
     rests: tuple[ZeroVelocity, ...] = ()
 
-    def _series(self) -> tuple[Series, Aid]:
-        """Return the series of the leader, and its measurements within the span."""
-        turned = self.record.dtheta - self.bias * self.record.dt[:, None]
-        record = replace(self.record, dtheta=turned)
-        leader = self.leader
-        delay = leader.delay if isinstance(leader, GnssFixes) else 0.0
-        due = np.asarray(leader.time) - delay
-        inside = (due >= record.start - 1e-9) & (due <= record.end + 1e-9)
-        if isinstance(leader, GnssFixes):
-            cut: Aid = leader.rows(inside)
-        else:
-            value = np.asarray(leader.value)[inside]
-            cut = replace(leader, time=np.asarray(leader.time)[inside], value=value)
-        rows = body_rows(record, due[inside])
-        if isinstance(cut, BodySpeed):
-            return body_velocity_series(rows, cut, self.site), cut
-        make = position_series if cut.v_n is None else velocity_series
-        return make(rows, cut), cut
-
     def coarse(self) -> tuple[Aid, CoarseAlignment]:
-        """Return the leader without what does not agree, and the attitude at the start."""
-        leader = self.leader
-        late = isinstance(leader, GnssFixes) and "delay" in leader.estimate
-        here = self
-        total = 0.0
-        for _ in range(2 if late else 1):
-            series, cut = here._series()
-            found = here._solved(series, cut, late)
-            if late:
-                assert isinstance(here.leader, GnssFixes)
-                total += found.delay
-                moved = replace(here.leader, delay=here.leader.delay + found.delay)
-                here = replace(here, leader=moved)
-        if found.heading_sigma > ENOUGH or not np.isfinite(found.heading_sigma):
-            raise InputError(f"{leader.name}: {missing(found, series)}")
-        return cut, found
-
-    def _solved(self, series: Series, cut: Aid, late: bool) -> CoarseAlignment:
-        """Return the attitude at the start; residuals beyond their sigma widen it."""
-        place = (self.site.latitude, self.site.longitude)
-        none = np.eye(3), np.zeros((3, 3))
-        found, noise = None, 1.0
-        for _ in range(2):
-            found = coarse(
-                series, self.spec, place, self.record.start, *none, estimate_delay=late,
-                noise=noise,
-            )  # fmt: skip
-            if isinstance(cut, BodySpeed):
-                for _ in range(_PASSES - 1):
-                    series = body_velocity_series(series.rows, cut, self.site, found.mat_i0_ib0)
-                    found = coarse(series, self.spec, place, self.record.start, *none, noise=noise)
-            if found.ratio < _AGREES:
-                break
-            noise = found.ratio
-        assert found is not None
-        return found
+        """Return the leader's measurements in the span, and the attitude at the start."""
+        return Span(self.record, self.leader, self.spec, self.bias, self.site).coarse()
 
     def nominal(self, rough: CoarseAlignment) -> Nominal:
         """Return where the filter starts: the first measurement, and the coarse attitude."""
@@ -356,7 +297,9 @@ def _result(
             f"innovations are {np.sqrt(square):.2g} times their sigma: the instrument's noise, the "
             "delay, the lever arm or the axes are not what they are said to be"
         )
-    contradictions += _beyond_prior(prepared, rough, found)
+    beyond, unusual = _beyond_prior(prepared, rough, found)
+    contradictions += beyond
+    warnings += unusual
     if found.moved > 1.0:
         contradictions.append(
             f"after {found.passes} passes the start still moves by {found.moved:.2g} sigma"
@@ -387,33 +330,55 @@ def _result(
         restamped=taken.restamped,
         epochs=found.filter.history(),
         innovations={aid.label: found.filter.innovations(aid.label) for aid in measured},
+        smoothed_heading=found.smoothed_heading,
     )  # fmt: skip
     contradicted = fix.contradicted(contradictions)
     assert isinstance(contradicted, MovingAlignment)
     return contradicted
 
 
-def _beyond_prior(prepared: _Prepared, rough: CoarseAlignment, found: FineAlignment) -> list[str]:
-    """Return sentences on the sensors' errors that are not what the specification says.
+def _beyond_prior(
+    prepared: _Prepared, rough: CoarseAlignment, found: FineAlignment
+) -> tuple[list[str], list[str]]:
+    """Return contradictions and warnings of sensors' errors that are not what was specified.
 
-    A wrong unit hides in a scale factor, wrong axes in a misalignment.
+    A wrong unit hides in a scale factor, wrong axes in a misalignment: these are large. A smaller
+    one beyond the specification, as vibration makes, says little of the attitude. What bias and
+    scale of an accelerometer add up to at the mean force is seen far better than either.
     """
     layout = found.start.layout
-    size = np.abs(difference(layout, found.start.nominal, prepared.nominal(rough)))
-    size = size / prior_sigma(layout, prepared.spec, prepared.aids)
-    out = []
-    for group in layout:
-        if not group.startswith(("gyro_", "accelerometer_")):
-            continue
-        worst = float(np.max(size[layout[group]]))
+    off = difference(layout, found.start.nominal, prepared.nominal(rough))
+    prior = prior_sigma(layout, prepared.spec, prepared.aids)
+    name = prepared.spec.name
+    contradictions, warnings = [], []
+    for sensor in ("gyro", "accelerometer"):
+        level = f"{sensor}_bias"
+        size, sigma = off[layout[level]], prior[layout[level]]
+        group = f"{sensor}_matrix"
+        if group in layout:
+            place = layout[group]
+            matrix, spread = off[place].reshape(3, 3), prior[place].reshape(3, 3)
+            if sensor == "accelerometer":
+                mean = prepared.record.dvel.sum(axis=0) / prepared.record.duration
+                size, sigma = size + matrix @ mean, np.hypot(sigma, np.abs(spread @ mean))
+            beyond = np.abs(matrix) / np.maximum(spread, 1e-300)
+            worst = float(beyond.max())
+            if worst > _BEYOND:
+                text = (
+                    f"the {sensor}'s scale factor or misalignment is found {worst:.0f} times its "
+                    f"1-sigma of '{name}'"
+                )
+                if np.any((beyond > _BEYOND) & (np.abs(matrix) > _GROSS)):
+                    contradictions.append(f"{text}: units, axes or the specification are wrong")
+                else:
+                    warnings.append(f"{text} ({np.abs(matrix).max():.2g})")
+        worst = float(np.max(np.abs(size) / np.maximum(sigma, 1e-300)))
         if worst > _BEYOND:
-            sensor, _, what = group.partition("_")
-            what = "scale factor or misalignment" if what in ("matrix", "scale") else what
-            out.append(
-                f"the {sensor}'s {what} is found {worst:.0f} times its 1-sigma of "
-                f"'{prepared.spec.name}': units, axes or the specification are wrong"
+            contradictions.append(
+                f"the {sensor}'s bias is found {worst:.0f} times its 1-sigma of '{name}': units, "
+                "axes or the specification are wrong"
             )
-    return out
+    return contradictions, warnings
 
 
 def _bound(

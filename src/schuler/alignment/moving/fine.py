@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.moving.setup import Aid, Nominal, layout_of, make_filter
-from schuler.attitude import multiply, quat_to_rotvec, rotvec_to_quat
-from schuler.constants import DEG
+from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
+from schuler.constants import DEG, DEG_PER_HOUR
 from schuler.earth import radii
 from schuler.errors import InputError
 from schuler.ins import ErrorStateFilter, Layout, Measurement
@@ -32,6 +32,15 @@ Array = NDArray[np.float64]
 
 _KNOWN = 2.0 * DEG
 """1-sigma of the heading from which on the filter corrects itself."""
+
+_HALF_KNOWN, _LATE = 10.0 * DEG, 120.0
+"""1-sigma, and the time from which on it is enough (s): a coarse gyro leaves what is linear."""
+
+_COARSE_GYRO = 30.0 * DEG_PER_HOUR
+"""With a larger bias a long span is begun by passes over its first part alone."""
+
+_FIRST_PART = 150.0
+"""How long that is, s: a navigation that nothing corrects stays within what is linear."""
 
 _CHUNK = 5.0
 """How often that is looked at, s."""
@@ -100,6 +109,8 @@ class FineAlignment:
     moved : float
         How far the last pass moved the start, in sigma.
     filter : ErrorStateFilter
+    smoothed_heading : (3, k) float64
+        Times of the measurements (s), the smoothed heading there, clockwise, and its 1-sigma (rad).
     """
 
     start: FineState
@@ -108,6 +119,7 @@ class FineAlignment:
     passes: int
     moved: float
     filter: ErrorStateFilter
+    smoothed_heading: Array
 
 
 def run_pass(flt: ErrorStateFilter, record: ImuRecord, *, correct: bool = True) -> None:
@@ -119,7 +131,8 @@ def run_pass(flt: ErrorStateFilter, record: ImuRecord, *, correct: bool = True) 
         if not len(chunk):
             continue
         flt.update(chunk)
-        if correct and not flt.feedback and flt.covariance[2, 2] < _KNOWN**2:
+        enough = _KNOWN if begin - record.start < _LATE else _HALF_KNOWN
+        if correct and not flt.feedback and flt.covariance[2, 2] < enough**2:
             flt.feedback = True
 
 
@@ -178,6 +191,16 @@ def _smoothed_start(flt: ErrorStateFilter, before: Nominal, time: float) -> Fine
         time, lat, lon, height, quat, before.v_n - error[layout["velocity"]], layout,
         s.covariance[0], parameters,
     )  # fmt: skip
+
+
+def _smoothed_heading(flt: ErrorStateFilter) -> Array:
+    """Return times, headings (clockwise) and their 1-sigma at the epochs, (3, k), by smoothing."""
+    s = flt.smoothed()
+    _, _, angle = east_angle(s.history.quat_ne)
+    # The first of the smoothed estimates is that of the start, which is no epoch.
+    forward = quat_to_matrix(s.quat_nb[1:])[:, :2, 1]
+    heading = np.arctan2(forward[:, 0], forward[:, 1]) + angle
+    return np.stack([s.history.time, heading, np.sqrt(s.covariance[1:, 2, 2])])
 
 
 def filtered_end(flt: ErrorStateFilter) -> tuple[FineState, dict[str, Array]]:
@@ -253,13 +276,24 @@ def fine(
             budget=divided,
         )  # fmt: skip
 
-    return iterate(record, start, layout, measured, build, nominal=nominal, budget=budget)
+    first_part = _FIRST_PART if spec.gyro.bias > _COARSE_GYRO else np.inf
+    return iterate(
+        record,
+        start,
+        layout,
+        measured,
+        build,
+        nominal=nominal,
+        budget=budget,
+        first_part=first_part,
+    )
 
 
 def iterate(
     record: ImuRecord, start: Nominal, layout: Layout, measured: Sequence[Measurement],
     build: Callable[[Nominal, Array, bool], ErrorStateFilter], *, nominal: Nominal | None = None,
     correct: bool = True, budget: bool = True, most: int = _MOST_PASSES,
+    first_part: float = np.inf,
 ) -> FineAlignment:  # fmt: skip
     """Repeat passes of a filter from its own smoothed start until that no longer moves.
 
@@ -281,6 +315,8 @@ def iterate(
         Divide the last pass's covariance by source.
     most : int
         Passes at most.
+    first_part : float
+        s; passes over so much of a span that is twice as long find where the others start.
 
     Raises
     ------
@@ -289,10 +325,13 @@ def iterate(
     """
     _fits(measured, layout, record)
     nominal, passes, moved = nominal or start, 0, np.inf
+    part = record
+    if record.end - record.start > 2.0 * first_part:
+        part = record.between(record.start, record.start + first_part)
     while True:
         passes += 1
         flt = build(nominal, difference(layout, nominal, start), False)
-        run_pass(flt, record, correct=correct)
+        run_pass(flt, part, correct=correct)
         begin = _smoothed_start(flt, nominal, record.start)
         step = difference(layout, nominal, begin.nominal)
         sigma = np.sqrt(np.maximum(np.diag(begin.covariance), 1e-300))
@@ -306,11 +345,13 @@ def iterate(
                 "span, or one that begins at rest, bears more"
             )
         if (passes >= 2 and moved < _STILL) or passes == most:
-            break
+            if part is record:
+                break
+            part, passes = record, 0
         nominal = begin.nominal
     end, parts = filtered_end(flt)
     if budget:
         last = build(nominal, difference(layout, nominal, start), True)
         run_pass(last, record, correct=correct)
         end, parts = filtered_end(last)
-    return FineAlignment(begin, end, parts, passes, moved, flt)
+    return FineAlignment(begin, end, parts, passes, moved, flt, _smoothed_heading(flt))

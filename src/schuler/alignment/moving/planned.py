@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from schuler._result import Result
 from schuler.aiding import BodySpeed
 from schuler.aiding.gnss import LARGEST_SIGMA
+from schuler.alignment.limit_table import limit_columns
 from schuler.alignment.moving.path_bound import PathLimit, limits_on, planned_fixes
 from schuler.alignment.moving.setup import Aid
 from schuler.attitude import quat_to_matrix
@@ -116,7 +118,7 @@ class PlannedAid:
 
 
 @dataclass(frozen=True, eq=False)
-class PathTable:
+class PathTable(Result):
     """The bound of an alignment on a path, for several lengths of it.
 
     Parameters
@@ -151,6 +153,10 @@ class PathTable:
             "schema": "schuler.path-limit/1", "spec": self.spec.name, "path": self.path,
             "aids": [str(aid) for aid in self.aids], "rows": rows,
         }  # fmt: skip
+
+    def columns(self) -> dict[str, Any]:
+        """Return the limits, one row to a length."""
+        return limit_columns(self.to_dict()["rows"])
 
     def __str__(self) -> str:
         lines = [

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.method import Estimate, Method, Problem
-from schuler.alignment.moving.coarse import CoarseAlignment
 from schuler.alignment.moving.fine import FineState
 from schuler.alignment.result import Alignment
 from schuler.constants import ARCMIN, DEG
 from schuler.errors import InputError
+from schuler.in_motion.coarse import CoarseAlignment
 from schuler.ins import BodyVelocity, EpochHistory, Measurement
 
 __all__ = ["InMotion", "MovingAlignment"]
@@ -82,6 +82,8 @@ class MovingAlignment(Alignment):
         start.
     innovations : dict of str to tuple
         Times (k,), innovations and their sigma (k, 3), weights (k,) by aid.
+    smoothed_heading : (3, k) float64
+        Times of the measurements (s), the smoothed heading there, clockwise, and its 1-sigma (rad).
     """
 
     state: FineState = field(kw_only=True, repr=False)
@@ -94,6 +96,7 @@ class MovingAlignment(Alignment):
     restamped: dict[str, float] = field(kw_only=True)
     epochs: EpochHistory = field(kw_only=True, repr=False)
     innovations: dict[str, tuple[Array, Array, Array, Array]] = field(kw_only=True, repr=False)
+    smoothed_heading: Array = field(kw_only=True, repr=False)
 
     def _part(self, group: str) -> Array:
         place = self.state.layout[group]

@@ -15,6 +15,7 @@ from schuler.aiding import ZeroVelocity as RestSpans
 from schuler.attitude import quat_to_matrix, rotvec_to_quat
 from schuler.constants import DEG
 from schuler.earth import Site
+from schuler.in_motion.start import Leader
 from schuler.ins import (
     SOURCES,
     BodyVelocity,
@@ -49,7 +50,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-Aid = GnssFixes | BodySpeed
+Aid = Leader
 
 
 def as_speed(aid: Aid | BodyVelocityAid) -> Aid:

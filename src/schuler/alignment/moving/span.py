@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.aiding import BodySpeed, GnssFixes, find_rest, no_overlap
-from schuler.alignment.moving.rotation import LEAST_ROWS
 from schuler.alignment.moving.setup import Aid
 from schuler.constants import DEG, DEG_PER_HOUR
 from schuler.earth import Site
 from schuler.errors import InputError
+from schuler.in_motion.rotation import LEAST_ROWS
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
 

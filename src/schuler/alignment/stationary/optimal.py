@@ -239,8 +239,11 @@ def _joint(
     r, removed = about.rotation, about.gyro_bias
     fine = h
     h, _ = h.thin(BLOCKS)
-    dt, t = np.diff(h.t), 0.5 * (h.t[1:] + h.t[:-1])
-    local = inertial_to_local(t, lat)
+    dt = np.diff(h.t)
+    interval = h.duration / max(h.samples, 1)
+    # The mean over updates is that of the middle of a stretch only where no rows were lost: the
+    # Earth turns further in half a second than the gyros' noise does.
+    local = inertial_to_local(h.t[:-1] + h.mean_shares() * dt - 0.5 * interval, lat)
     theory = g * gravity_direction(lat) * h.block_means(TrackerNode.sum_gravity)
     velocity = h.block_means(TrackerNode.sum_v)
     q = h.block_means(TrackerNode.sum_quat)
@@ -251,7 +254,6 @@ def _joint(
     attitude = mean_attitude(fine, h, r)
     m = len(dt)
     e = np.einsum("iab,ib->ia", local[:, :2], velocity @ r.T - theory)
-    interval = h.duration / max(h.samples, 1)
     levels = velocity_levels(velocity_powers(e, dt, interval, g, spec, dwells))
     turns = turns_from_middle(q, r, local, dwells)
     series = make_series(h, site, spec, levels, local, attitude, turns, dwells)

@@ -60,6 +60,9 @@ _NOTHING_KNOWN = {
     "transfer.delay": DELAY_SIGMA,
 }  # fmt: skip
 
+_LATEST = 0.5
+"""A delay that is found is left so much of the record after the free navigation, s."""
+
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
@@ -93,7 +96,8 @@ def transfer(
     match : str
         Of velocity, attitude, position and rate, with + between.
     span : (float or None, float or None), optional
-        Begin and end, s in the record's time; all that both have when not given.
+        Begin and end, s in the record's time; all that both have when not given, less what
+        `then_free` takes.
     spec : ImuSpec, str or path, optional
         Of the slave; a MEMS of consumer grade when not given.
     mounting : (4,) array_like, optional
@@ -147,6 +151,19 @@ def transfer(
             f"no instrument specification was given: taken for {instrument.name} (say --spec)"
         )
     known = _known(mounting, mounting_sigma, lever, delay)
+    if then_free is not None and (span is None or span[1] is None):
+        # What it is let go for comes after the alignment, a delay that is found included.
+        late = _LATEST if delay is None else known.delay
+        last = min(record.end, float(master.time[-1]) - late)
+        begin = max(record.start, float(master.time[0]) - known.delay)
+        begin = begin if span is None or span[0] is None else max(begin, span[0])
+        if not last - then_free > begin:
+            raise InputError(
+                f"to navigate free for {then_free:g} s after the alignment record and master must "
+                f"go on to t = {begin + then_free:.9g} s and longer; both have data to "
+                f"t = {last:.9g} s"
+            )
+        span = (None if span is None else span[0], last - then_free)
     part = _common(cut_span(record, span), master, known.delay)
     if mounting is None:
         felt = coarse_mounting(part, master, known.delay, known.mounting)
@@ -294,6 +311,7 @@ def _result(
         passes=fine.passes, mean_square=found.square, restamped={},
         epochs=fine.filter.history(),
         innovations={aid.label: fine.filter.innovations(aid.label) for aid in found.measured},
+        smoothed_heading=fine.smoothed_heading,
         mounting=mounting, mounting_covariance=spread, lever=np.asarray(lever, np.float64),
         lever_sigma=np.asarray(lever_sigma), delay=delay, remaining=remaining,
         not_observable=unseen,

@@ -6,19 +6,19 @@ from functools import cache
 import numpy as np
 import pytest
 
-from schuler.alignment.moving.body import body_rows
-from schuler.alignment.moving.coarse import coarse
-from schuler.alignment.moving.earth_side import earth_fixed, from_earth, gravitation_integrals
 from schuler.alignment.moving.path_bound import limit_on
-from schuler.alignment.moving.rotation import Sums, weights_igg3
-from schuler.alignment.moving.series import (
+from schuler.attitude import nearest_quat
+from schuler.constants import ARCMIN
+from schuler.earth import gravity
+from schuler.in_motion.body import body_rows
+from schuler.in_motion.coarse import coarse
+from schuler.in_motion.earth_side import earth_fixed, from_earth, gravitation_integrals
+from schuler.in_motion.rotation import Sums, weights_igg3
+from schuler.in_motion.series import (
     body_velocity_series,
     position_series,
     velocity_series,
 )
-from schuler.attitude import nearest_quat
-from schuler.constants import ARCMIN
-from schuler.earth import gravity
 from schuler.sensors import GRADES, AccelerometerSpec, GyroSpec, ImuSpec
 from tests.alignment.moving.routes import (
     ROUTES,

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.alignment.moving.series import Series
 from schuler.errors import InputError
+from schuler.in_motion.series import Series
 
 __all__ = ["LEAST_ROWS", "Sums", "residual_of", "robust_weights", "weights_igg3"]
 

@@ -15,17 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.aiding import BodySpeed, GnssFixes
-from schuler.alignment.moving.body import BodyRows
-from schuler.alignment.moving.earth_side import (
+from schuler.attitude import skew
+from schuler.earth import Site
+from schuler.errors import InputError
+from schuler.in_motion.body import BodyRows
+from schuler.in_motion.earth_side import (
     earth_fixed,
     gravitation_integrals,
     inertial_velocity,
     local_axes,
     spun,
 )
-from schuler.attitude import skew
-from schuler.earth import Site
-from schuler.errors import InputError
 
 __all__ = ["Series", "body_velocity_series", "position_series", "velocity_series"]
 

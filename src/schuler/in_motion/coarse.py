@@ -17,12 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.alignment.moving.earth_side import local_axes, spun
-from schuler.alignment.moving.rotation import LEAST_ROWS, Sums, robust_weights
-from schuler.alignment.moving.series import Series
 from schuler.attitude import quat_to_matrix, rotvec_to_quat
 from schuler.constants import DEG
 from schuler.errors import InputError
+from schuler.in_motion.earth_side import local_axes, spun
+from schuler.in_motion.rotation import LEAST_ROWS, Sums, robust_weights
+from schuler.in_motion.series import Series
 from schuler.sensors import ImuSpec
 
 __all__ = ["CoarseAlignment", "coarse", "missing"]
@@ -103,6 +103,7 @@ class CoarseAlignment:
 def coarse(
     series: Series, spec: ImuSpec, place: tuple[float, float], time: float, end: Array,
     turn: Array, *, estimate_delay: bool = False, choose: bool = True, noise: float = 1.0,
+    removed: Array | None = None,
 ) -> CoarseAlignment:  # fmt: skip
     """Return the best attitude that a series gives at an instant.
 
@@ -122,6 +123,8 @@ def coarse(
         Choose the window by the least sigma, and not take all rows.
     noise : float
         Factor of the stated sigma of the measurements.
+    removed : (3,) float64, optional
+        Gyro bias that was taken off the series, rad/s: the prior is that of the whole bias.
 
     Raises
     ------
@@ -131,22 +134,57 @@ def coarse(
     n = len(series)
     if n < LEAST_ROWS:
         raise InputError(f"{n} measurements lie in the span: an alignment needs {LEAST_ROWS}")
-    weights = robust_weights(series, noise)
+    taken_off = np.zeros(3) if removed is None else removed
+
+    def solved(cut: slice, weights: Array) -> CoarseAlignment:
+        window = _Window(series, spec, weights, cut, noise, estimate_delay, taken_off)
+        return window.solved(place, time, end, turn)
+
     best: CoarseAlignment | None = None
+    none_agree: InputError | None = None
+    shares: tuple[float, ...] = _SHARES if choose else _SHARES[:1]
+    try:
+        weights = robust_weights(series, noise)
+    except InputError as error:
+        if not choose:
+            raise
+        # Over a shorter window they may.
+        none_agree, shares, weights = error, (), np.zeros(n)
     at_start = time < 0.5 * (series.rows.time[0] + series.rows.time[-1])
-    for share in _SHARES if choose else _SHARES[:1]:
+    for share in shares:
         count = max(round(share * n), min(n, _LEAST_WINDOW))
         # A shorter window is the one that is nearest to the instant.
         cut = slice(0, count) if at_start else slice(n - count, n)
-        found = _Window(series, spec, weights, cut, noise, estimate_delay).solved(
-            place, time, end, turn
-        )
+        found = solved(cut, weights)
         if best is None or found.heading_sigma < best.heading_sigma:
             best = found
         if count <= _LEAST_WINDOW:
             break
-    assert best is not None
+    if choose and (best is None or best.heading_sigma > ENOUGH):
+        # A gyro with a large bias holds ib0 for a short while only: the turns may come later.
+        for cut in _elsewhere(n):
+            try:
+                own = np.zeros(n)
+                own[cut] = robust_weights(series.between(cut.start, cut.stop), noise)
+            except InputError:
+                continue
+            found = solved(cut, own)
+            if best is None or found.heading_sigma < best.heading_sigma:
+                best = found
+    if best is None:
+        assert none_agree is not None
+        raise none_agree
     return best
+
+
+def _elsewhere(n: int) -> list[slice]:
+    """Return windows that lie anywhere in n rows, a half over the one before, each kind halved."""
+    cuts = []
+    count = n
+    while count > _LEAST_WINDOW:
+        count = max(count // 2, _LEAST_WINDOW)
+        cuts += [slice(k, k + count) for k in range(0, n - count + 1, count // 2)]
+    return cuts
 
 
 class _Window:
@@ -154,12 +192,13 @@ class _Window:
 
     def __init__(
         self, series: Series, spec: ImuSpec, weights: Array, cut: slice, noise: float,
-        delay: bool,
+        delay: bool, removed: Array,
     ) -> None:  # fmt: skip
         self.series = series.between(cut.start, cut.stop)
         self.weights = weights[cut]
         self.first = cut.start
         self.spec, self.delayed, self.noise = spec, delay, noise
+        self.removed = removed
         self.whole = series
 
     def solved(
@@ -192,7 +231,8 @@ class _Window:
             x = s.x - s.by_gyro @ bias[:3] - s.by_accelerometer @ bias[3:] - late * s.slope
             h = self._rows(mat, x)
             a = (white @ h).reshape(-1, h.shape[2])
-            now = np.array([*bias, *([late] if self.delayed else [])])
+            whole = bias + np.concatenate([self.removed, np.zeros(3)])
+            now = np.array([*whole, *([late] if self.delayed else [])])
             y = np.einsum("iab,ib->ia", white, s.y - x @ mat.T).ravel()
             normal, right = a.T @ a, a.T @ y
             normal[b, b] += np.diag(prior**-2.0)
