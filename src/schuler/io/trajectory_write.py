@@ -20,7 +20,9 @@ from schuler.io.sealed import write_sealed
 from schuler.io.tracks import gpx_library, gpx_text, kml_text
 from schuler.trajectory import Trajectory
 
-__all__ = ["SUFFIXES", "check_trajectory_target", "matlab_bytes", "write_trajectory"]
+__all__ = [
+    "SUFFIXES", "check_trajectory_target", "matlab_bytes", "table_columns", "write_trajectory",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -139,6 +141,11 @@ def _as_psins(trajectory: Trajectory) -> dict[str, Array]:
 _LAYOUTS: dict[str, Callable[[Trajectory], dict[str, Array]]] = {
     "schuler": _own, "pyins": _as_pyins, "psins": _as_psins
 }  # fmt: skip
+
+
+def table_columns(trajectory: Trajectory, layout: str) -> dict[str, Array]:
+    """Return the columns of a layout of `write_trajectory` by their names."""
+    return _LAYOUTS[layout](trajectory)
 
 
 def _npz(part: Path, trajectory: Trajectory, layout: str, _: Mapping[str, Any]) -> None:

@@ -249,6 +249,7 @@ class Navigator:
         self._variances: list[Array] = []
         self._name = "record"
         self._last = -np.inf
+        self._drained = False
         self._work, self._noise = np.empty((0, ErrorStates.size)), np.zeros(0)
         if self.spec is not None:
             self._work, self._noise = self._uncertainty(self.spec, covariance_step)
@@ -355,6 +356,21 @@ class Navigator:
     def _variance_row(self) -> Array:
         return np.diag(self._work[: ErrorStates.size])[None].copy()
 
+    def drain(self) -> Trajectory | None:
+        """Return the rows that came since the last call and forget them; None where none did.
+
+        With it memory is constant for any length; `path` then has the rows that are left, or the
+        last update alone.
+        """
+        rows, variances = self._rows, self._variances
+        self._rows, self._variances = [], []
+        if not any(map(len, rows)):
+            return None
+        self._drained = True
+        return self._trajectory(
+            np.concatenate(rows), np.concatenate(variances) if variances else None, None
+        )
+
     def path(self) -> Trajectory:
         """Return where it went so far; the last row is the last update, whatever `every` is.
 
@@ -363,19 +379,24 @@ class Navigator:
         InputError
             If there has been no sample.
         """
-        if not self._rows:
+        if not (self._rows or self._drained):
             raise InputError("the record has no samples to navigate")
-        rows = np.concatenate(self._rows)
-        variances = np.concatenate(self._variances) if self._variances else None
-        last = self._row()
-        if PathRow(rows).time[-1] != self._state.time:
-            rows = np.concatenate([rows, last])
-            if variances is not None:
-                variances = np.concatenate([variances, self._variance_row()])
+        rows = [part for part in self._rows if len(part)]
+        variances = [part for part in self._variances if len(part)]
+        if not rows or PathRow(rows[-1]).time[-1] != self._state.time:
+            rows = [*rows, self._row()]
+            variances = [*variances, self._variance_row()] if self.spec is not None else []
+        covariance = self._work[: ErrorStates.size] if self.spec is not None else None
+        return self._trajectory(
+            np.concatenate(rows), np.concatenate(variances) if variances else None, covariance
+        )
+
+    def _trajectory(
+        self, rows: Array, variances: Array | None, covariance: Array | None
+    ) -> Trajectory:
         here = local_rows(rows)
-        covariance = None
-        if self.spec is not None:
-            covariance = _to_enu(self._work[: ErrorStates.size], LocalRow(here.data[-1]))
+        if covariance is not None:
+            covariance = _to_enu(covariance, LocalRow(here.data[-1]))
         return Trajectory(
             here.time, here.lat, here.lon, here.height, here.v_n, here.quat_nb, variances,
             covariance, self._name,
