@@ -171,6 +171,13 @@ def transport_rate(lat: ArrayLike, height: ArrayLike, ve: ArrayLike, vn: ArrayLi
     return out.reshape((*shape, 3))
 
 
+_EXAMPLES = {
+    "latitude": "Site(34.2)", "longitude": "Site(34.2, 108.9)", "height": "Site(34.2, height=380)",
+    "gravity_sigma": "gravity_sigma=20", "deflection_sigma": "deflection_sigma=5",
+}  # fmt: skip
+"""What a call looks like in which each argument is a number."""
+
+
 @dataclass(frozen=True)
 class Site:
     """A place on the Earth, given as people give it.
@@ -214,7 +221,7 @@ class Site:
             ("gravity_sigma", self.gravity_sigma, 0.0, 1000.0, "mGal"),
             ("deflection_sigma", self.deflection_sigma, 0.0, 120.0, "arcsec"),
         ):
-            expect(value, Real, label)
+            expect(value, Real, label, f"give it in {unit}, as {_EXAMPLES[label]}")
             if not (math.isfinite(value) and low <= value <= high):
                 raise InputError(
                     f"{label} must be between {low:g} and {high:g} {unit}, got {value:g}"

@@ -10,7 +10,7 @@ import math
 import re
 
 from schuler.constants import ARCMIN, ARCSEC, DEG, STANDARD_GRAVITY
-from schuler.errors import InputError
+from schuler.errors import InputError, near
 
 __all__ = [
     "UNITS", "convert", "dimension_of", "known_unit", "parse", "parse_factor", "time_text",
@@ -153,7 +153,8 @@ def _lookup(unit: str, what: str, dimensions: tuple[str, ...] = ()) -> tuple[flo
     if entry is None:
         fitting = [name for name, (_, kind) in UNITS.items() if kind in dimensions]
         known = ", ".join(fitting or sorted(UNITS, key=str.lower))
-        raise InputError(f"{what}: unknown unit '{unit}'; known units: {known}")
+        near_one = near(unit, fitting or UNITS)
+        raise InputError(f"{what}: unknown unit '{unit}'{near_one}; known units: {known}")
     return entry
 
 

@@ -30,7 +30,7 @@ from schuler.allan_variance.theory import (
     freedom,
     unit_variances,
 )
-from schuler.errors import InputError
+from schuler.errors import InputError, expect
 from schuler.sensors.errors import AccelerometerSpec, GyroSpec, ImuSpec
 
 __all__ = ["MOVED", "ChannelFit", "NoiseFit", "NoiseTerm", "fit_noise"]
@@ -370,6 +370,7 @@ def fit_noise(found: Allan) -> NoiseFit:
     >>> len(found.channels)
     6
     """
+    expect(found, Allan, "found", "it is what schuler.allan gives of a record")
     keep = _octaves(found.tau)
     if len(keep) < _LEAST:
         raise InputError(

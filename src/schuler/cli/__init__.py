@@ -13,7 +13,7 @@ import click
 
 from schuler import __version__
 from schuler.cli.command import Group
-from schuler.errors import SchulerError, printable
+from schuler.errors import SchulerError, near, printable
 
 __all__ = ["cli", "main"]
 
@@ -65,6 +65,15 @@ class _LazyGroup(Group):
             return None
         command: click.Command = import_module(f"schuler.cli.{name}").command
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Name the command that is nearest to an unknown one."""
+        if args and not args[0].startswith("-") and args[0] not in _COMMANDS:
+            hint = near(args[0], _COMMANDS)
+            raise click.UsageError(f"No such command '{args[0]}'{hint}", ctx)
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         for title, group in _MAP.items():

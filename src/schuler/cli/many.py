@@ -69,7 +69,7 @@ class ManyCommand(Command):
         named = ctx.params["file"]
         to = ctx.params.get("json_to")
         lines = to is not None and to.lower().endswith(".jsonl")
-        if len(named) == 1 and not lines and not Path(named[0]).is_dir():
+        if len(named) == 1 and not lines and not _is_folder(named[0]):
             ctx.params["file"] = named[0]
             return super().invoke(ctx)
         for key in _OF_ONE:
@@ -91,6 +91,15 @@ def _keep(key: str) -> Callable[[click.Context, click.Parameter, Any], None]:
     return keep
 
 
+def _is_bag(path: Path) -> bool:
+    """Say whether a folder is a record: a bag of ROS 2 is one."""
+    return (path / "metadata.yaml").is_file()
+
+
+def _is_folder(name: str) -> bool:
+    return Path(name).is_dir() and not _is_bag(Path(name))
+
+
 def records_of(names: tuple[str, ...]) -> list[str]:
     """Return the files of names; a folder stands for the records in it, by their endings.
 
@@ -104,12 +113,12 @@ def records_of(names: tuple[str, ...]) -> list[str]:
     endings = {suffix for reader in readers().values() for suffix in reader.suffixes}
     out: list[str] = []
     for name in names:
-        if not Path(name).is_dir():
+        if not _is_folder(name):
             out.append(name)
             continue
         found = sorted(
             str(path) for path in Path(name).iterdir()
-            if path.is_file() and path.suffix.lower() in endings and not path.name.startswith(".")
+            if (_is_bag(path) or path.suffix.lower() in endings) and not path.name.startswith(".")
         )  # fmt: skip
         if not found:
             raise InputError(f"{name}: holds no record ({', '.join(sorted(endings))})")

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from schuler._files import read_toml
-from schuler.errors import InputError
+from schuler.errors import InputError, near
 from schuler.units import parse, to_unit
 
 __all__ = ["GRADES", "AccelerometerSpec", "GyroSpec", "ImuSpec", "load_spec"]
@@ -355,5 +355,6 @@ def load_spec(spec: str | Path | ImuSpec | None) -> ImuSpec | None:
     if text.endswith(".toml") or Path(text).exists():
         return ImuSpec.from_toml(text)
     raise InputError(
-        f"'{text}' is neither a grade ({', '.join(GRADES)}) nor a TOML file with a specification"
+        f"'{text}'{near(text, GRADES)} is neither a grade ({', '.join(GRADES)}) nor a TOML file "
+        "with a specification"
     )
