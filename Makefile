@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: help test coverage fuzz validate demo lint bench docs picture clean
+.PHONY: help kernels wheel test coverage fuzz validate demo lint bench docs picture clean
 
 help:
 	@echo "make test     run the tests (two at a time)"
@@ -17,6 +17,7 @@ help:
 	@echo "make bench    time schuler beside its peers, into docs/benchmarks.md"
 	@echo "make docs     run all examples, build the documentation into site/"
 	@echo "make picture  redraw the README's picture"
+	@echo "make wheel    a wheel in dist/ whose kernels are compiled already"
 	@echo "make clean    remove .venv and everything that was built"
 
 $(BIN)/python:
@@ -36,7 +37,11 @@ $(VENV)/.with-%: pyproject.toml | $(BIN)/python
 	$(PIP) install -e '.[$*]'
 	@touch $@
 
-test: $(VENV)/.with-dev
+# Several processes compile what each of pytest's would compile for itself.
+kernels: $(VENV)/.with-dev
+	$(BIN)/python -m schuler.kernels.ahead
+
+test: kernels
 	$(BIN)/python -m pytest -n 2 --dist worksteal $(PYTEST_ARGS)
 
 # Compiled code is invisible to coverage: what holds kernels runs once more as Python.
@@ -84,7 +89,14 @@ docs: $(VENV)/.with-docs
 picture: $(VENV)/.with-dev
 	$(BIN)/python docs/make_picture.py
 
+# With the kernels compiled for any x86-64 processor with AVX2, so that nobody's first command has to.
+wheel: $(VENV)/.with-dev
+	rm -rf src/schuler/kernels/compiled
+	$(BIN)/python -m schuler.kernels.ahead --to src/schuler/kernels/compiled
+	$(PIP) wheel --no-deps --wheel-dir dist .
+	rm -rf src/schuler/kernels/compiled
+
 clean:
-	rm -rf $(VENV) .venv-lowest build dist site out .pytest_cache .hypothesis .mypy_cache .ruff_cache \
+	rm -rf src/schuler/kernels/compiled $(VENV) .venv-lowest build dist site out .pytest_cache .hypothesis .mypy_cache .ruff_cache \
 	  .import_linter_cache .coverage htmlcov
 	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +

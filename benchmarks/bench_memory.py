@@ -44,6 +44,14 @@ with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.suppress(Syste
 import json
 assert json.loads(out.getvalue())["time"]["samples"] == int(sys.argv[2])
 """
+NAVIGATE = """
+import contextlib, io, sys
+from schuler.cli import main
+words = "--lat 40 --height 50 --heading 0 --mean-rates --json -".split()
+with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.suppress(SystemExit):
+    main(["navigate", sys.argv[1], *words, "--out", sys.argv[2]])
+assert out.getvalue()
+"""
 PYARROW = "import sys; from pyarrow import csv; assert csv.read_csv(sys.argv[1]).num_rows"
 POLARS = "import sys, polars; assert polars.read_csv(sys.argv[1]).height"
 
@@ -110,13 +118,19 @@ def run() -> list[dict[str, Any]]:
                     "unit": "MB",
                 }
             )
-        rows.append(
-            {
-                "what": f"peak memory, align {words} of Parquet",
-                "ours": peak_mb(ALIGN, parquet, ROWS),
-                "peer": None,
-                "ratio": None,
-                "unit": "MB",
-            }
-        )
+        kalman = ALIGN.replace('"--json"', '"--method", "kalman", "--json"')
+        for what, code, arguments in (
+            ("align", ALIGN, (parquet, ROWS)),
+            ("align by the Kalman filter,", kalman, (parquet, ROWS)),
+            ("navigate, every row to Parquet,", NAVIGATE, (parquet, Path(folder, "path.parquet"))),
+        ):
+            rows.append(
+                {
+                    "what": f"peak memory, {what} {words} of Parquet",
+                    "ours": peak_mb(code, *arguments),
+                    "peer": None,
+                    "ratio": None,
+                    "unit": "MB",
+                }
+            )
     return rows

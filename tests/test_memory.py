@@ -43,6 +43,13 @@ def test_peak_of_an_alignment(name: str, bench: ModuleType, tmp_path: Path) -> N
     assert 30.0 < peak < LIMIT_MB
 
 
+def test_peak_of_a_navigation_that_writes_every_row(bench: ModuleType, tmp_path: Path) -> None:
+    """Held whole, its eleven columns and their copies would take more than the limit."""
+    path = tmp_path / "long.parquet"
+    bench.write(None, path, ROWS)
+    assert 30.0 < bench.peak_mb(bench.NAVIGATE, path, tmp_path / "path.parquet") < LIMIT_MB
+
+
 def test_one_row_group_for_all_is_read_in_pieces(bench: ModuleType, tmp_path: Path) -> None:
     """Held whole, its 112 MB and their decoded columns would pass the limit."""
     from pyarrow import parquet

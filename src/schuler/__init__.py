@@ -52,7 +52,8 @@ _EXPORTS = {
     "schuler.earth": ("Site",),
     "schuler.errors": ("InputError", "SchulerError"),
     "schuler.io": (
-        "Mapping", "open_source", "read", "read_trajectory", "write", "write_trajectory",
+        "Mapping", "open_source", "read", "read_dvl", "read_gnss", "read_speed", "read_trajectory",
+        "write", "write_trajectory",
     ),
     "schuler.navigation": ("Navigator", "Start", "evaluate", "navigate"),
     "schuler.prefilter": (
@@ -97,6 +98,9 @@ if TYPE_CHECKING:
     from schuler.io import Mapping as Mapping
     from schuler.io import open_source as open_source
     from schuler.io import read as read
+    from schuler.io import read_dvl as read_dvl
+    from schuler.io import read_gnss as read_gnss
+    from schuler.io import read_speed as read_speed
     from schuler.io import read_trajectory as read_trajectory
     from schuler.io import write as write
     from schuler.io import write_trajectory as write_trajectory

@@ -36,6 +36,12 @@ def radii(lat: ArrayLike) -> tuple[Array, Array]:
     -------
     (...) ndarray, (...) ndarray
         Meridian (north-south) and prime-vertical (east-west) radius, m.
+
+    Examples
+    --------
+    >>> from schuler.earth import radii
+    >>> [round(float(r)) for r in radii(0.0)]  # meridian, transverse
+    [6335439, 6378137]
     """
     from schuler.kernels.earth import radii_many
 
@@ -115,6 +121,12 @@ def gravity(lat: ArrayLike, height: ArrayLike = 0.0) -> Array:
     (...) ndarray
         m/s^2: Somigliana's closed form with the second-order series in height (NIMA
         TR8350.2, 2000, equations 4-1 and 4-3).
+
+    Examples
+    --------
+    >>> from schuler.earth import gravity
+    >>> round(float(gravity(np.deg2rad(45.0), 0.0)), 5)
+    9.8062
     """
     from schuler.kernels.earth import gravity_many
 
@@ -125,7 +137,15 @@ def gravity(lat: ArrayLike, height: ArrayLike = 0.0) -> Array:
 
 
 def earth_rate(lat: ArrayLike) -> Array:
-    """Return the Earth's rotation rate in ENU, rad/s, shape (..., 3), for a latitude in rad."""
+    """Return the Earth's rotation rate in ENU, rad/s, shape (..., 3), for a latitude in rad.
+
+    Examples
+    --------
+    >>> from schuler.earth import earth_rate
+    >>> east, north, up = np.rad2deg(earth_rate(0.0)) * 3600.0
+    >>> round(float(north), 3), float(up)  # deg/h
+    (15.041, 0.0)
+    """
     la = np.asarray(lat, np.float64)
     return np.stack([np.zeros_like(la), EARTH_RATE * np.cos(la), EARTH_RATE * np.sin(la)], axis=-1)
 
@@ -179,6 +199,12 @@ class Site:
     ------
     InputError
         For a value out of range or not finite.
+
+    Examples
+    --------
+    >>> site = sc.Site(48.1, 11.6, 500.0)
+    >>> round(site.gravity, 4)
+    9.8075
     """
 
     lat: float

@@ -53,6 +53,11 @@ class Simulation:
         as on a map.
     gyro, accelerometer : Imperfections
         The constant errors of the instrument.
+
+    Examples
+    --------
+    >>> made.record.rate, made.truth.quat_nb.shape
+    (20.0, (1201, 4))
     """
 
     record: ImuRecord
@@ -150,6 +155,13 @@ def simulate(
     ------
     InputError
         For a bad duration or rate, or a specification without a generator.
+
+    Examples
+    --------
+    >>> from schuler.motion import Static
+    >>> made = sc.simulate(Static(heading=30.0), site, 60.0, 20.0, spec, np.random.default_rng(1))
+    >>> round(made.heading_deg(), 6), len(made.record)
+    (30.0, 1200)
     """
     if not hasattr(motion, "track"):
         raise InputError(

@@ -49,6 +49,12 @@ class Trajectory(Result):
     ------
     InputError
         For arrays of other shapes.
+
+    Examples
+    --------
+    >>> path = made.truth
+    >>> len(path.time) == len(record) + 1
+    True
     """
 
     time: Array = field(repr=False)
@@ -88,6 +94,24 @@ class Trajectory(Result):
             height=self.height[which], v_n=cut(self.v_n), quat_nb=cut(self.quat_nb),
             variances=cut(self.variances), covariance=None,
         )  # fmt: skip
+
+    def joined(self, after: Trajectory, covariance: Array | None = None) -> Trajectory:
+        """Return these rows and others after them, which know the same; the covariance is new."""
+
+        def both(one: Array | None, other: Array | None) -> Array | None:
+            return None if one is None or other is None else np.concatenate([one, other])
+
+        return replace(
+            self,
+            time=np.concatenate([self.time, after.time]),
+            lat=np.concatenate([self.lat, after.lat]),
+            lon=np.concatenate([self.lon, after.lon]),
+            height=np.concatenate([self.height, after.height]),
+            v_n=both(self.v_n, after.v_n),
+            quat_nb=both(self.quat_nb, after.quat_nb),
+            variances=both(self.variances, after.variances),
+            covariance=covariance,
+        )
 
     @cached_property
     def position(self) -> Array:

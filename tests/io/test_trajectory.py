@@ -43,6 +43,41 @@ def test_what_is_written_is_read_again(drive, tmp_path, name, layout):
     np.testing.assert_allclose(np.abs(same), 1.0, atol=1e-14)
 
 
+@pytest.mark.parametrize("layout", ["schuler", "pyins"])
+def test_what_is_written_in_pieces_is_what_is_written_at_once(drive, tmp_path, monkeypatch, layout):
+    from schuler.io import trajectory_stream as streams
+
+    monkeypatch.setattr(streams, "_GROUP", 100)
+    truth = drive.truth
+    with streams.streamed_trajectory(tmp_path / "pieces.parquet", layout) as stream:
+        for begin, end in ((0, 3), (3, 3), (3, 250), (250, len(truth))):
+            stream.write(truth.rows(slice(begin, end)))
+    sc.write_trajectory(truth, tmp_path / "whole.parquet", layout=layout)
+    one, other = (
+        sc.read_trajectory(tmp_path / f"{name}.parquet", layout=layout)
+        for name in ("pieces", "whole")
+    )
+    for name in ("time", "lat", "lon", "height", "v_n", "quat_nb"):
+        assert np.array_equal(getattr(one, name), getattr(other, name))
+    # It has a seal: a damaged byte of what the footer says is found.
+    data = (tmp_path / "pieces.parquet").read_bytes()
+    at = data.rindex(b"schuler.sha256") + 20
+    (tmp_path / "hurt.parquet").write_bytes(data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :])
+    with pytest.raises(InputError, match="damaged"):
+        sc.read_trajectory(tmp_path / "hurt.parquet", layout=layout)
+
+
+def test_a_stream_without_rows_leaves_no_file(tmp_path):
+    from schuler.io.trajectory_stream import streamed_trajectory
+
+    with (
+        pytest.raises(InputError, match="no rows"),
+        streamed_trajectory(tmp_path / "none.parquet"),
+    ):
+        pass
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_path_is_evaluated_against_the_truth_and_its_file(drive, tmp_path):
     truth = drive.truth
     path = sc.navigate(drive.record, sc.Start(SITE, truth.quat_nb[0], truth.v_n[0]))

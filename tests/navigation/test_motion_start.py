@@ -51,3 +51,27 @@ def test_what_does_not_accelerate_or_move_is_said():
     still = replace(gnss, v_n=np.zeros((len(gnss.time), 3)))
     with pytest.raises(InputError, match="does not move"):
         motion_start(made.record, still, CONSUMER_MEMS)
+
+
+def test_one_function_navigates_alone_and_with_aids():
+    import schuler as sc
+
+    rng = np.random.default_rng(3)
+    made = simulate(car(), SITE, 60.0, 50.0, FOG, rng)
+    gnss = fixes(made, rng=rng, first=0.5, sigma=0.5)
+    drive = sc.navigate(made.record, aiding=gnss, spec=FOG, smooth=True)
+    assert drive.path is not drive.forward
+    aligned = sc.align(made.record, aiding=gnss, spec=FOG, at="start")
+    from_it = sc.navigate(made.record, aligned, aiding=[gnss], spec=FOG)
+    ends = [
+        heading_error(each.path.quat_nb[-1], made.truth.quat_nb[-2]) for each in (drive, from_it)
+    ]
+    assert np.abs(ends).max() < 0.5 * DEG
+    for words, options in (
+        ("takes GNSS fixes of one receiver", {"aiding": []}),
+        ("every is for a navigation without aids", {"aiding": gnss, "every": 2}),
+        ("smooth goes with aids", {"start": sc.Start.from_alignment(aligned), "smooth": True}),
+        ("measurements of your own, got str", {"aiding": [gnss, "odometer"]}),
+    ):
+        with pytest.raises(InputError, match=words):
+            sc.navigate(made.record, **options)

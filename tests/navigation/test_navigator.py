@@ -170,6 +170,33 @@ def test_chunks_do_not_matter(spec):
         assert np.array_equal(a.covariance, b.covariance)
 
 
+@pytest.mark.parametrize("every", [1, 7])
+def test_drained_rows_are_those_of_the_path(every):
+    site = Site(40.0)
+    record = simulate(Static(30.0), site, 30.0, 100.0).record
+    start = Start.from_angles(site, 30.0)
+    whole = Navigator(start, every=every, spec="navigation-fog").update(record).path()
+    navigator = Navigator(start, every=every, spec="navigation-fog")
+    found = []
+    for part in pieces(len(record), [5, 6, 1000, 2500]):
+        navigator.update(ImuRecord(
+            record.time[part], record.dt[part], record.dtheta[part], record.dvel[part]
+        ))  # fmt: skip
+        found.append(navigator.drain())
+    rest = navigator.path()
+    found = [part for part in found if part is not None]
+    found.append(rest.rows(slice(int(rest.time[0] <= found[-1].time[-1]), None)))
+    joined = found[0]
+    for part in found[1:]:
+        joined = joined.joined(part)
+    for name in ("time", "lat", "height", "v_n", "quat_nb", "variances"):
+        assert np.array_equal(getattr(joined, name), getattr(whole, name)), name
+    assert np.array_equal(rest.covariance, whole.covariance)
+    assert navigator.drain() is None
+    with pytest.raises(InputError, match="no samples"):
+        Navigator(start).path()
+
+
 def test_free_height_runs_away_and_others_do_not():
     """1 m of height: free it grows as cosh(sqrt(2 g/R) t), damped it dies out, off it stays."""
     site = Site(45.0, 0.0, 100.0)

@@ -88,6 +88,14 @@ class Aligner:
     ------
     InputError
         For an unknown method or specification, or a site too near a pole.
+
+    Examples
+    --------
+    >>> aligner = sc.Aligner(site, spec=spec)
+    >>> for chunk in (record.between(None, 30.0), record.between(30.0, None)):
+    ...     aligner = aligner.update(chunk)
+    >>> aligner.solution().headline()[:11]
+    'heading 29.'
     """
 
     def __init__(

@@ -205,6 +205,13 @@ def limit(spec: ImuSpec, site: Site, duration: float, interval: float = 0.01) ->
     ------
     InputError
         If the duration or the interval is not positive.
+
+    Examples
+    --------
+    >>> covariance = sc.limit(spec, site, 300.0)
+    >>> sigma = np.rad2deg(np.sqrt(np.diag(covariance))) * 60.0
+    >>> bool(2.0 < sigma[2] < 10.0)  # heading, arcmin
+    True
     """
     expect(spec, ImuSpec, "spec", "schuler.load_spec gives one of a grade or a file")
     expect(site, Site, "site", "say schuler.Site(lat, lon, height)")

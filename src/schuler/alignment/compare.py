@@ -183,6 +183,12 @@ def compare(
     ------
     InputError
         For an unknown name.
+
+    Examples
+    --------
+    >>> table = sc.compare(record, site, spec, [("optimal", "none"), ("wahba", "none")])
+    >>> [row.method for row in table.rows]
+    ['optimal', 'wahba']
     """
     expect(
         record,

@@ -291,6 +291,12 @@ def allan(
     InputError
         For an unknown kind, a record too short or unevenly sampled, a value that is not finite,
         or an averaging time that the record cannot give.
+
+    Examples
+    --------
+    >>> found = sc.allan(record, taus=[1.0, 10.0])
+    >>> len(found.to_pandas()) > 0
+    True
     """
     wanted = _settled(kind)
     # A text or a table can be gone through too, and has no samples.

@@ -363,6 +363,12 @@ def fit_noise(found: Allan) -> NoiseFit:
     ------
     InputError
         If there are too few averaging times.
+
+    Examples
+    --------
+    >>> found = sc.fit_noise(sc.allan(record))
+    >>> len(found.channels)
+    6
     """
     expect(found, Allan, "found", "it is what schuler.allan gives of a record")
     keep = _octaves(found.tau)

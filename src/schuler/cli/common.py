@@ -11,7 +11,7 @@ import click
 
 from schuler.cli.command import echo, made_by
 from schuler.cli.completion import files
-from schuler.cli.drawing import draw, report_option
+from schuler.cli.drawing import draw, draws, report_option
 from schuler.cli.parameters import InputFile, Number, OutputFile, RecordTime, Seconds
 from schuler.cli.progress import shares
 from schuler.cli.run_file import mapping_of_run, note_mapping, save_run
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Look",
     "draw",
+    "draws",
     "emit_json",
     "file_options",
     "gravity_known",

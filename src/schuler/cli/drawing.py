@@ -12,7 +12,7 @@ from schuler.cli.command import echo
 from schuler.cli.parameters import OutputFile, OutputFolder
 from schuler.errors import SchulerError
 
-__all__ = ["draw", "report_option"]
+__all__ = ["draw", "draws", "report_option"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -67,6 +67,11 @@ def report_option(text: str) -> Callable[[F], F]:
         return function
 
     return decorate
+
+
+def draws(report_to: str | None) -> bool:
+    """Say whether the running command was asked for a report or for figures."""
+    return report_to is not None or click.get_current_context().meta.get(_FOLDER) is not None
 
 
 def draw(result: object, report_to: str | None, **details: Any) -> None:

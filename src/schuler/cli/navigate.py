@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -12,6 +13,7 @@ from schuler.cli.command import CONTRADICTED, echo, wants_text
 from schuler.cli.common import (
     Look,
     draw,
+    draws,
     emit_json,
     file_options,
     gravity_options,
@@ -34,9 +36,10 @@ if TYPE_CHECKING:
 
     from schuler.alignment import Alignment
     from schuler.earth import Site
-    from schuler.navigation import Start
+    from schuler.navigation import Navigator, Start
     from schuler.record import ImuRecord
     from schuler.sensors import ImuSpec
+    from schuler.trajectory import Trajectory
 
 __all__ = ["command"]
 
@@ -158,15 +161,18 @@ def command(**options: Any) -> int:
         navigator = Navigator(
             begin, gravity=gravity, vertical=vertical, every=out.every_free, spec=spec
         )
-        for chunk in flow:
-            navigator.update(chunk)
-    path = navigator.path()
+        if not draws(report_to) and truth is None and out.in_pieces:
+            path = _in_pieces(navigator, flow, out)
+        else:
+            for chunk in flow:
+                navigator.update(chunk)
+            path = navigator.path()
+            out.write(out.of_free(path))
     found = FreeNavigation(
         path, navigator.gravity.model, navigator.vertical.mode,
         None if fix is None else _summary(fix),
         None if truth is None else evaluate(path, truth),
     )  # fmt: skip
-    out.write(out.of_free(path))
     if json_to is not None:
         about = {"schuler": __version__, "file": str(source.path), **source.how_read()}
         emit_json({"schema": "schuler.navigation/3", **about, **found.to_dict()}, json_to)
@@ -184,6 +190,22 @@ def command(**options: Any) -> int:
         say_warnings(f"alignment: {text}" for text in fix.warnings)
         contradicted |= not fix.consistent
     return CONTRADICTED if contradicted else 0
+
+
+def _in_pieces(navigator: Navigator, flow: Iterator[ImuRecord], out: PathOutput) -> Trajectory:
+    """Navigate and write what comes, in constant memory; return the first and the last row."""
+    first: Trajectory | None = None
+    written = -math.inf
+    with out.stream() as stream:
+        for chunk in flow:
+            rows = navigator.update(chunk).drain()
+            if rows is not None:
+                first = first or rows.rows(slice(0, 1))
+                written = float(rows.time[-1])
+                stream.write(rows)
+        last = navigator.path()
+        stream.write(last.rows(slice(int(last.time[0] <= written), None)))
+    return last if first is None else first.joined(last.rows(slice(-1, None)), last.covariance)
 
 
 def _aided(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ from schuler.cli.parameters import Count, OutputFile
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
+    from schuler.io.trajectory_stream import TrajectoryStream
     from schuler.navigation import AidedNavigation
     from schuler.record import ImuRecord
     from schuler.trajectory import Trajectory
@@ -61,6 +63,13 @@ def triple(text: str, option: str) -> tuple[float, float, float]:
     except ValueError:
         raise InputError(f"{option}: expected three numbers with commas, got '{text}'") from None
     return x, y, z
+
+
+class Nowhere:
+    """Takes the pieces of a path that is not written."""
+
+    def write(self, piece: Trajectory) -> None:
+        """Forget the rows."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +133,21 @@ class PathOutput:
         if self.at is None:
             return path
         return at_lever(path, self.at).rows(slice(None, None, self.every or 1))
+
+    @property
+    def in_pieces(self) -> bool:
+        """Whether the path can be written while it is made, or is not written at all."""
+        from schuler.io.trajectory_stream import can_stream
+
+        return self.at is None and (self.to is None or can_stream(self.to))
+
+    def stream(self) -> AbstractContextManager[TrajectoryStream | Nowhere]:
+        """Give what takes a path in pieces (`in_pieces`)."""
+        from schuler.io.trajectory_stream import streamed_trajectory
+
+        return nullcontext(Nowhere()) if self.to is None else streamed_trajectory(
+            self.to, self.layout
+        )  # fmt: skip
 
     def write(self, path: Trajectory) -> None:
         """Write the file, if one is wanted."""

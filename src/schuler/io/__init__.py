@@ -95,6 +95,12 @@ def open_source(
     ------
     InputError
         If the file cannot be opened or understood.
+
+    Examples
+    --------
+    >>> source = sc.open_source("imu.csv")
+    >>> sum(len(chunk) for chunk in source.chunks())
+    1200
     """
     if mapping is not None and not isinstance(mapping, Mapping):
         mapping = Mapping.from_toml(mapping)
@@ -135,6 +141,11 @@ def read(
     InputError
         If the file cannot be opened or understood, or a row cannot be used: one sentence with
         the file, the row, its time and what to do.
+
+    Examples
+    --------
+    >>> len(sc.read("imu.csv")), len(sc.read("imu.csv", start=10.0, stop=20.0))
+    (1200, 200)
     """
     expect(path, (str, Path), "path", "a table in memory is read by schuler.io.from_pandas")
     Span.of(start, stop)  # a bad one is said before the file is opened

@@ -20,7 +20,15 @@ from schuler.errors import InputError
 from schuler.io.limits import check_size
 from schuler.io.pages import check_pages, damaged_parquet, footer_bytes
 
-__all__ = ["Seal", "about_of", "opened_parquet", "read_sealed", "stated", "write_sealed"]
+__all__ = [
+    "Seal",
+    "SealedWriter",
+    "about_of",
+    "opened_parquet",
+    "read_sealed",
+    "stated",
+    "write_sealed",
+]
 
 _KEYS = (b"schuler.sha256", b"sha256.of.schuler")
 _ARROW = b"ARROW:schema"
@@ -78,6 +86,41 @@ class Seal:
                 "is damaged: its content is not what its checksum says; copy it again from where "
                 "it came, or make it anew"
             )
+
+
+class SealedWriter:
+    """Writes a table without nulls as Parquet with a seal, piece by piece.
+
+    Parameters
+    ----------
+    schema : pyarrow.Schema
+    out : file object
+        Open for bytes.
+    about : mapping of str to str
+        Metadata; nothing else is kept.
+    **options
+        As for `pyarrow.parquet.ParquetWriter`.
+    """
+
+    def __init__(self, schema: Any, out: Any, about: Mapping[str, str], **options: Any) -> None:
+        from pyarrow import parquet
+
+        metadata = {key.encode(): value.encode() for key, value in about.items()}
+        self._seal = Seal(schema, metadata)
+        self._writer = parquet.ParquetWriter(
+            out, schema.with_metadata(metadata), write_page_checksum=True, **options
+        )
+
+    def write(self, table: Any) -> None:
+        """Write rows as a row group of their own."""
+        for batch in table.to_batches():
+            self._seal.add(batch)
+        self._writer.write_table(table, row_group_size=max(len(table), 1))
+
+    def close(self) -> None:
+        """Write the seal and the end of the file."""
+        self._writer.add_key_value_metadata(dict.fromkeys(_KEYS, self._seal.digest()))
+        self._writer.close()
 
 
 def write_sealed(table: Any, path: Path, about: Mapping[str, str], **options: Any) -> None:

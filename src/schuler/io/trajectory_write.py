@@ -20,7 +20,9 @@ from schuler.io.sealed import write_sealed
 from schuler.io.tracks import gpx_library, gpx_text, kml_text
 from schuler.trajectory import Trajectory
 
-__all__ = ["SUFFIXES", "check_trajectory_target", "matlab_bytes", "write_trajectory"]
+__all__ = [
+    "SUFFIXES", "check_trajectory_target", "matlab_bytes", "table_columns", "write_trajectory",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -97,13 +99,9 @@ def write_trajectory(
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from schuler.io import read_trajectory, write_trajectory
-    >>> from schuler.trajectory import Trajectory
-    >>> still = Trajectory(np.arange(3.0), np.full(3, 0.6), np.full(3, 1.9), np.full(3, 380.0))
-    >>> write_trajectory(still, "still.csv")  # doctest: +SKIP
-    >>> len(read_trajectory("still.csv"))  # doctest: +SKIP
-    3
+    >>> sc.write_trajectory(made.truth, "truth.csv")
+    >>> len(sc.read_trajectory("truth.csv").time)
+    1201
     """
     path = Path(path)
     kind = _kind_of(path, layout)
@@ -143,6 +141,11 @@ def _as_psins(trajectory: Trajectory) -> dict[str, Array]:
 _LAYOUTS: dict[str, Callable[[Trajectory], dict[str, Array]]] = {
     "schuler": _own, "pyins": _as_pyins, "psins": _as_psins
 }  # fmt: skip
+
+
+def table_columns(trajectory: Trajectory, layout: str) -> dict[str, Array]:
+    """Return the columns of a layout of `write_trajectory` by their names."""
+    return _LAYOUTS[layout](trajectory)
 
 
 def _npz(part: Path, trajectory: Trajectory, layout: str, _: Mapping[str, Any]) -> None:

@@ -15,12 +15,22 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-from schuler.kernels._machine_code import processor
+from schuler.kernels._machine_code import processor, runs_generic_code
 
-__all__ = ["CACHE_FOLDER", "in_words", "read_code", "read_whole", "say_once", "write_code"]
+__all__ = [
+    "AHEAD",
+    "CACHE_FOLDER",
+    "in_words",
+    "read_code",
+    "read_whole",
+    "say_once",
+    "sources_digest",
+    "write_code",
+]
 
 _log = logging.getLogger("schuler")
 _DIGEST = 32
@@ -34,14 +44,28 @@ def say_once(kind: str, text: str) -> None:
         _log.warning("note: kernel cache: %s", text)
 
 
-def _sources_digest() -> str:
-    """Return a hash of all kernel sources, the constants that they freeze, and the processor."""
-    here = Path(__file__).parent
-    digest = hashlib.sha256(f"{version('numba')} {sys.version} {processor()}".encode())
-    for source in [*sorted(here.glob("*.py")), here.parent / "constants.py"]:
+_HERE = Path(__file__).parent
+
+AHEAD = _HERE / "compiled"
+"""Where a wheel has machine code that was compiled ahead (`schuler.kernels.ahead`)."""
+
+
+def sources_digest() -> str:
+    """Return a hash of all kernel sources and of the constants that they freeze."""
+    digest = hashlib.sha256()
+    for source in [*sorted(_HERE.glob("*.py")), _HERE.parent / "constants.py"]:
         digest.update(source.name.encode())
         digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]
+    return digest.hexdigest()
+
+
+_SOURCES = sources_digest()
+
+
+def _digest() -> str:
+    """Return a hash of the sources, and of what else compiled code depends on."""
+    facts = f"{_SOURCES} {version('numba')} {sys.version} {processor()}"
+    return hashlib.sha256(facts.encode()).hexdigest()[:16]
 
 
 def _bases() -> Iterator[Path]:
@@ -70,7 +94,7 @@ def _bases() -> Iterator[Path]:
 
 def _folder() -> str | None:
     """Return the first folder that can be written to, or None."""
-    name = f"kernels-{_sources_digest()}"
+    name = f"kernels-{_digest()}"
     for base in _bases():
         folder = base / name
         with suppress(OSError):
@@ -102,12 +126,23 @@ def read_whole(path: Path) -> bytes | None:
     return None
 
 
+@cache
+def _compiled_ahead() -> bool:
+    """Say whether code of these sources was compiled ahead, which this processor runs."""
+    try:
+        same = (AHEAD / "sources").read_text(encoding="ascii") == _SOURCES
+    except OSError:
+        return False
+    return same and runs_generic_code()
+
+
 def read_code(name: str) -> tuple[bytes, bytes] | None:
     """Return a kernel's description and its machine code, or None where it must be compiled."""
-    if CACHE_FOLDER is None:
+    folder = AHEAD if _compiled_ahead() and (AHEAD / name).is_file() else CACHE_FOLDER
+    if folder is None:
         return None
     try:
-        data = read_whole(Path(CACHE_FOLDER) / name)
+        data = read_whole(Path(folder) / name)
     except OSError as error:
         say_once("read", f"cannot be read ({in_words(error)}); kernels are compiled again")
         return None
@@ -117,7 +152,7 @@ def read_code(name: str) -> tuple[bytes, bytes] | None:
     return header, code
 
 
-def write_code(name: str, header: bytes, code: bytes) -> None:
+def write_code(name: str, header: bytes = b"", code: bytes = b"") -> None:
     """Keep a kernel's description and its machine code, where that is possible."""
     if CACHE_FOLDER is None:
         return

@@ -13,7 +13,9 @@ from __future__ import annotations
 import hashlib
 import inspect
 import os
+import re
 from collections.abc import Callable
+from pathlib import Path
 from threading import RLock
 from types import FunctionType
 from typing import Any, TypeVar, cast
@@ -110,6 +112,29 @@ class _Compiled:
         return f"<kernel {self.__module__}.{self.__name__}>"
 
 
+_MAKERS = frozenset(
+    {"argsort", "array", "copy", "empty", "full", "median", "ones", "ravel", "sort", "zeros"}
+)
+"""Names of what makes arrays; a kernel that uses one is called through Numba, which frees them."""
+
+
+def _makes_arrays(function: Callable[..., Any]) -> bool:
+    """Say whether a function, or one that it calls, uses a name of `_MAKERS`."""
+    assert isinstance(function, FunctionType)
+    names = function.__code__.co_names
+    return not _MAKERS.isdisjoint(names) or any(
+        _makes_arrays(called.py_func)
+        for name in names
+        if isinstance(called := function.__globals__.get(name), _Compiled)
+    )
+
+
+def file_of(place: str, words: tuple[str, ...]) -> str:
+    """Return the name of the file of a kernel (module.name) that is compiled for some types."""
+    digest = hashlib.sha256("/".join([place, *words]).encode()).hexdigest()[:12]
+    return f"{place}-{digest}.kernel"
+
+
 class _Kernel(_Compiled):
     """A compiled loop: a way to call it for each combination of Python's types that has come."""
 
@@ -119,7 +144,7 @@ class _Kernel(_Compiled):
         self._count = len(self._signature.parameters)
         self._ways: dict[tuple[type, ...], list[Way]] = {}
         self._codes: dict[tuple[str, ...], Way | None] = {}
-        self._by_numba = False
+        self._by_numba: bool | None = None
 
     def __call__(self, *args: Any, **named: Any) -> Any:
         if named or len(args) != self._count:
@@ -134,8 +159,7 @@ class _Kernel(_Compiled):
 
     def _call_first(self, args: tuple[Any, ...]) -> Any:
         """Call a kernel for arguments that no way so far takes; keep the way that does."""
-        by_code = not self._by_numba and machine_code.available()
-        words = machine_code.describe(args) if by_code else None
+        words = None if self._through_numba() else machine_code.describe(args)
         if words is None:
             return self.wrapped(*args)
         with _lock:
@@ -152,14 +176,26 @@ class _Kernel(_Compiled):
         self._ways.setdefault(tuple(map(type, args)), []).append(way)
         return found
 
+    def compile_for(self, words: tuple[str, ...]) -> None:
+        """Compile a kernel for types of arguments, as `describe` has them, unless it was before."""
+        if self._through_numba():
+            self.wrapped.compile(machine_code.numba_types(words))
+            # Says that Numba has it.
+            write_code(file_of(f"{self.__module__.rpartition('.')[2]}.{self.__name__}", words))
+        else:
+            self._code(words)
+
+    def _through_numba(self) -> bool:
+        if self._by_numba is None:
+            self._by_numba = not machine_code.available() or _makes_arrays(self.py_func)
+        return self._by_numba
+
     def _code(self, words: tuple[str, ...]) -> Way | None:
         """Return machine code from the folder, or compile it and put it there."""
-        place = f"{self.__module__}.{self.__name__}"
-        digest = hashlib.sha256("/".join([place, *words]).encode()).hexdigest()[:12]
-        file = f"{place.rpartition('.kernels.')[2]}-{digest}.kernel"
+        file = file_of(f"{self.__module__.rpartition('.')[2]}.{self.__name__}", words)
         kept = read_code(file)
         if kept is None:
-            name = f"schuler_{self.__name__}_{digest}"
+            name = "schuler_" + re.sub(r"\W", "_", Path(file).stem)
             kept = machine_code.compile_entry(self.dispatcher, words, name) or (b"", b"")
             write_code(file, *kept)
         if not kept[1]:

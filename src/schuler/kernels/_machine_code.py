@@ -14,6 +14,7 @@ are called through Numba.
 from __future__ import annotations
 
 import ctypes
+import gc
 import json
 import os
 import platform
@@ -25,7 +26,17 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["MISMATCH", "available", "bind", "compile_entry", "describe", "processor"]
+__all__ = [
+    "GENERIC",
+    "MISMATCH",
+    "available",
+    "bind",
+    "compile_entry",
+    "describe",
+    "numba_types",
+    "processor",
+    "runs_generic_code",
+]
 
 MISMATCH = -1000
 """What an entry point answers to arrays that it was not compiled for."""
@@ -52,6 +63,21 @@ _INTRINSIC = re.compile(r"llvm\.(?!powi)[a-z]")
 _SCALARS = {"f8": ("double", ctypes.c_double), "i8": ("i64", ctypes.c_int64),
             "b1": ("i8", ctypes.c_bool)}  # fmt: skip
 _BACK = {"float64": ctypes.c_double, "int64": ctypes.c_int64, "bool": ctypes.c_int8}
+
+
+GENERIC = "x86-64-v3"
+"""The processor that code for a wheel is compiled for, and what it has."""
+_OF_GENERIC = ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
+
+
+def runs_generic_code() -> bool:
+    """Say whether this processor runs code for `GENERIC`."""
+    import llvmlite.binding as llvm
+
+    if os.environ.get("NUMBA_CPU_NAME") or os.environ.get("NUMBA_CPU_FEATURES"):
+        return False
+    has = llvm.get_host_cpu_features()
+    return all(has.get(feature, False) for feature in _OF_GENERIC)
 
 
 def processor() -> str:
@@ -124,6 +150,11 @@ def describe(args: tuple[Any, ...]) -> tuple[str, ...] | None:
     return tuple(words)
 
 
+def numba_types(words: tuple[str, ...]) -> tuple[Any, ...]:
+    """Return Numba's types for words of `describe`."""
+    return tuple(_numba_type(word) for word in words)
+
+
 def _numba_type(word: str) -> Any:
     from numba import types
 
@@ -153,8 +184,14 @@ def compile_entry(dispatcher: Any, words: tuple[str, ...], name: str) -> tuple[b
     """
     import llvmlite.binding as llvm
 
-    given = tuple(_numba_type(word) for word in words)
-    dispatcher.compile(given)
+    given = numba_types(words)
+    collecting = gc.isenabled()
+    gc.disable()  # a tenth of the time goes into looking for what is not there
+    try:
+        dispatcher.compile(given)
+    finally:
+        if collecting:
+            gc.enable()
     signature = next(each for each in dispatcher.nopython_signatures if each.args == given)
     returned = _returned(signature.return_type)
     if returned is None:

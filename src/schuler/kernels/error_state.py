@@ -182,10 +182,11 @@ def run(
     int, int, int, int
         Samples and measurements taken so far, rows written, and why it came back.
     """
-    i, j, rows = first_sample, first_meas, 0
+    # No rows, but no literal: of a literal 0 Numba would compile all that takes it once more.
+    i, j, rows = first_sample, first_meas, min(first_sample, 0)
     size = p.shape[0]
     n, m = time.shape[0], meas.shape[0]
-    none = inside[0] if inside.shape[0] > 0 else inside.ravel()
+    none = inside[0] if inside.shape[0] > 0 else scratch[0, :0]
     while True:
         if state[layout.EPOCH_OPEN] != 0.0:
             # One epoch: all measurements of one instant.

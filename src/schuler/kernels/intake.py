@@ -308,7 +308,8 @@ def integrate(
     (int, int)
         Samples written, and the first row that was not taken, as it waits for rows after a gap.
     """
-    m = 0
+    # Nothing, but no literal: of a literal 0 Numba would compile all that takes it once more.
+    m = min(begin, 0)
     for j in range(6):
         values[0, j] = state[5 + j]
     i = begin

@@ -36,7 +36,8 @@ def take_group(
 ):  # fmt: skip
     """Judge and take the measurements j to end - 1, which are of one aid at one instant."""
     rows, z, r = scratch[H_ROWS : H_ROWS + layout.MOST_ROWS], scratch[Z_ROW], scratch[R_ROW]
-    count = 0
+    # Nothing, but no literal: of a literal 0 Numba would compile all that takes it once more.
+    count = min(j, 0)
     for m in range(j, end):
         k = int(meas[m, layout.M_AID])
         found = fill_rows(

@@ -238,7 +238,8 @@ def screen(rows, n, begin, first, close, settings, found, work, ways):
     (int, int)
         First row that was not looked at, and the number of spikes.
     """
-    spikes = 0
+    # Nothing, but no literal: of a literal 0 Numba would compile all that takes it once more.
+    spikes = min(begin, 0)
     ended = False
     limits = work[_LIMITS]
     renew(settings, ways, limits)

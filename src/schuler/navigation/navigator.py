@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.attitude import euler_to_quat, heading_to_psi, nearest_quat
 from schuler.constants import DEG
 from schuler.earth import Site, radii
-from schuler.errors import InputError, expect
+from schuler.errors import InputError
 from schuler.kernels.states import (
     ErrorNoise,
     ErrorStates,
@@ -25,7 +25,7 @@ from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec, SensorArray, load_array, load_spec
 from schuler.trajectory import Trajectory
 
-__all__ = ["Navigator", "Start", "frame_of", "navigate"]
+__all__ = ["Fix", "MovingFix", "Navigator", "Start", "frame_of"]
 
 Array = NDArray[np.float64]
 
@@ -87,6 +87,12 @@ class Start:
         East, north, up, m/s.
     covariance : (9, 9) array_like, optional
         Of phi (rad), velocity (m/s) and position (m), in ENU; zero when not given.
+
+    Examples
+    --------
+    >>> start = sc.Start.from_angles(site, heading=90.0, velocity=(10.0, 0.0, 0.0))
+    >>> start.v_n
+    (10.0, 0.0, 0.0)
     """
 
     site: Site
@@ -129,8 +135,9 @@ class Start:
 
         Examples
         --------
-        >>> Start.from_alignment(site, fix)  # doctest: +SKIP
-        >>> Start.from_alignment(moving)  # doctest: +SKIP
+        >>> start = sc.Start.from_alignment(site, sc.align(record, site, spec=spec))
+        >>> start.covariance.shape
+        (9, 9)
         """
         if isinstance(site, MovingFix):
             return cls(site.site, site.quat_nb, site.v_n, site.start_covariance)
@@ -196,6 +203,13 @@ class Navigator:
     ------
     InputError
         For an option that cannot be meant.
+
+    Examples
+    --------
+    >>> start = sc.Start.from_angles(site, heading=30.0)
+    >>> path = sc.Navigator(start, every=20).update(record).path()
+    >>> len(path.time)
+    61
     """
 
     def __init__(
@@ -235,6 +249,7 @@ class Navigator:
         self._variances: list[Array] = []
         self._name = "record"
         self._last = -np.inf
+        self._drained = False
         self._work, self._noise = np.empty((0, ErrorStates.size)), np.zeros(0)
         if self.spec is not None:
             self._work, self._noise = self._uncertainty(self.spec, covariance_step)
@@ -341,6 +356,21 @@ class Navigator:
     def _variance_row(self) -> Array:
         return np.diag(self._work[: ErrorStates.size])[None].copy()
 
+    def drain(self) -> Trajectory | None:
+        """Return the rows that came since the last call and forget them; None where none did.
+
+        With it memory is constant for any length; `path` then has the rows that are left, or the
+        last update alone.
+        """
+        rows, variances = self._rows, self._variances
+        self._rows, self._variances = [], []
+        if not any(map(len, rows)):
+            return None
+        self._drained = True
+        return self._trajectory(
+            np.concatenate(rows), np.concatenate(variances) if variances else None, None
+        )
+
     def path(self) -> Trajectory:
         """Return where it went so far; the last row is the last update, whatever `every` is.
 
@@ -349,19 +379,24 @@ class Navigator:
         InputError
             If there has been no sample.
         """
-        if not self._rows:
+        if not (self._rows or self._drained):
             raise InputError("the record has no samples to navigate")
-        rows = np.concatenate(self._rows)
-        variances = np.concatenate(self._variances) if self._variances else None
-        last = self._row()
-        if PathRow(rows).time[-1] != self._state.time:
-            rows = np.concatenate([rows, last])
-            if variances is not None:
-                variances = np.concatenate([variances, self._variance_row()])
+        rows = [part for part in self._rows if len(part)]
+        variances = [part for part in self._variances if len(part)]
+        if not rows or PathRow(rows[-1]).time[-1] != self._state.time:
+            rows = [*rows, self._row()]
+            variances = [*variances, self._variance_row()] if self.spec is not None else []
+        covariance = self._work[: ErrorStates.size] if self.spec is not None else None
+        return self._trajectory(
+            np.concatenate(rows), np.concatenate(variances) if variances else None, covariance
+        )
+
+    def _trajectory(
+        self, rows: Array, variances: Array | None, covariance: Array | None
+    ) -> Trajectory:
         here = local_rows(rows)
-        covariance = None
-        if self.spec is not None:
-            covariance = _to_enu(self._work[: ErrorStates.size], LocalRow(here.data[-1]))
+        if covariance is not None:
+            covariance = _to_enu(covariance, LocalRow(here.data[-1]))
         return Trajectory(
             here.time, here.lat, here.lon, here.height, here.v_n, here.quat_nb, variances,
             covariance, self._name,
@@ -394,68 +429,3 @@ def _to_enu(covariance: Array, here: LocalRow) -> Array:
     slipped[velocity + 1, position] -= slip * here.v_n[0]
     rotation = slipped @ rotation
     return np.asarray(rotation @ covariance @ rotation.T)
-
-
-def navigate(
-    record: ImuRecord,
-    start: Start | Site,
-    fix: Fix | None = None,
-    *,
-    velocity: ArrayLike = (0.0, 0.0, 0.0),
-    gravity: Gravity | str | None = None,
-    vertical: Vertical | str | None = None,
-    every: int = 1,
-    spec: ImuSpec | str | None = None,
-    subsamples: int | None = None,
-    array: SensorArray | str | None = None,
-) -> Trajectory:
-    """Navigate a record without aiding (free-inertial).
-
-    Parameters
-    ----------
-    record : ImuRecord
-    start : Start or Site
-        Where it begins; a site goes with an alignment.
-    fix : Alignment, optional
-        The attitude at the record's start, and its covariance.
-    velocity : (3,) array_like
-        East, north, up at the start, m/s, with a site.
-    gravity, vertical, every, spec, subsamples, array
-        As in `Navigator`.
-
-    Returns
-    -------
-    Trajectory
-
-    Raises
-    ------
-    InputError
-        See `Navigator`.
-
-    Examples
-    --------
-    >>> path = navigate(record, Start.from_angles(site, heading=40.0))  # doctest: +SKIP
-    """
-    expect(record, ImuRecord, "record", "read a file with schuler.read")
-    expect(start, (Start, Site), "start")
-    if isinstance(start, Site):
-        if fix is None:
-            raise InputError("a site alone has no attitude: give an alignment, or a Start")
-        start = Start.from_alignment(start, fix, velocity)
-    elif fix is not None:
-        known = start.covariance
-        covariance = np.zeros((9, 9)) if known is None else np.array(known, np.float64)
-        if covariance.shape == (9, 9):
-            covariance[:3], covariance[:, :3] = 0.0, 0.0
-            covariance[:3, :3] = fix.covariance
-        start = replace(start, quat_nb=fix.quat_nb, covariance=covariance)
-    navigator = Navigator(
-        start,
-        gravity=gravity,
-        vertical=vertical,
-        every=every,
-        spec=spec,
-        subsamples=subsamples,
-        array=array,
-    )
-    return navigator.update(record).path()

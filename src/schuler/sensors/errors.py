@@ -183,7 +183,16 @@ def _spoken(value: float, unit: str) -> str:
 
 @dataclass(frozen=True)
 class ImuSpec:
-    """An instrument: its gyros, its accelerometers, its name and where the numbers come from."""
+    """An instrument: its gyros, its accelerometers, its name and where the numbers come from.
+
+    Examples
+    --------
+    >>> own = sc.ImuSpec.from_dict(
+    ...     {"gyro": {"bias": "0.01 deg/h"}, "accelerometer": {"bias": "50 ug"}}
+    ... )
+    >>> round(own.gyro.bias * 1e9, 3)
+    48.481
+    """
 
     gyro: GyroSpec
     accelerometer: AccelerometerSpec
@@ -332,6 +341,11 @@ def load_spec(spec: str | Path | ImuSpec | None) -> ImuSpec | None:
     ------
     InputError
         If it is neither a known grade nor a readable file.
+
+    Examples
+    --------
+    >>> sc.load_spec("tactical-fog").name
+    'tactical-fog'
     """
     if spec is None or isinstance(spec, ImuSpec):
         return spec
