@@ -50,6 +50,8 @@ _MAP = {
 _COMMANDS = [name for group in _MAP.values() for name in group]
 
 
+_LEVELS = ("debug", "info", "warning", "error")
+
 #: errors of writing; files are written by `replacing`, which gives them a name
 _OF_A_STREAM = (errno.ENOSPC, errno.EIO, errno.EPIPE, errno.EBADF, errno.EFBIG, errno.EDQUOT)
 
@@ -107,6 +109,7 @@ def main(arguments: list[str] | None = None) -> None:
         # take the other cores from whoever runs beside.
         for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
             os.environ.setdefault(name, "1")
+    _start_log()
     try:
         code = cli.main(args=arguments, prog_name="schuler", standalone_mode=False)
         # What cannot be written is found out when it is, not when the process ends.
@@ -118,6 +121,22 @@ def main(arguments: list[str] | None = None) -> None:
         _end(error, "--debug" in given or os.environ.get("SCHULER_DEBUG") == "1")
     else:
         sys.exit(code if isinstance(code, int) else 0)
+
+
+def _start_log() -> None:
+    """Send what modules log to standard error, from the level of SCHULER_LOG on."""
+    wanted = os.environ.get("SCHULER_LOG")
+    if not wanted:
+        return
+    import logging
+
+    if wanted.lower() not in _LEVELS:
+        _stop(f"SCHULER_LOG={wanted}: expected one of {', '.join(_LEVELS)}", 2)
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(relativeCreated)8.0f ms  %(name)s: %(message)s"))
+    log = logging.getLogger("schuler")
+    log.handlers[:] = [handler]
+    log.setLevel(wanted.upper())
 
 
 def _end(error: BaseException, debug: bool) -> NoReturn:

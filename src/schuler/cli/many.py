@@ -11,11 +11,10 @@ from __future__ import annotations
 import io
 import json
 import os
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, as_completed
-from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ import click
 from schuler._files import replacing
 from schuler.cli.command import CONTRADICTED, Command, echo
 from schuler.cli.parameters import Count
+from schuler.cli.progress import counting
 from schuler.cli.provenance import digest, said_options
 from schuler.errors import InputError, SchulerError
 
@@ -58,7 +58,7 @@ class ManyCommand(Command):
                 help="With several records: a Dask cluster that sees the files, tcp://host:8786.",
             ),
         ):  # fmt: skip
-            self.params.insert(-2, option)
+            self.params.insert(-3, option)
 
     def again(self, options: dict[str, Any]) -> dict[str, Any]:
         """Take the record of a result as a list of one."""
@@ -176,11 +176,12 @@ def _run_many(command: Command, ctx: click.Context, paths: list[str], to: str | 
     store = _Store(to, name, options)
     done = {path: line for path in paths if (line := store.known(path)) is not None}
     left = [path for path in paths if path not in done]
-    with store.open() as keep, _bar(name, len(paths), len(done)) as tell:
+    with store.open() as keep, counting(name, "records") as tell:
+        tell(len(done), len(paths))
         for line in _lines(ctx, name, left, options):
             done[line["file"]] = line
             keep(line)
-            tell()
+            tell(len(done), len(paths), line["file"])
     found = Overview(name, tuple(done[path] for path in paths))
     store.finish([done[path] for path in paths])
     if found.failed == len(paths):
@@ -293,27 +294,3 @@ def _text(line: Line) -> str:
 
 def _as_json(options: dict[str, Any]) -> Any:
     return json.loads(json.dumps(options))
-
-
-@contextmanager
-def _bar(name: str, total: int, done: int) -> Iterator[Callable[[], None]]:
-    """Give a function to call once a record, which moves a bar where a person watches."""
-    if not sys.stderr.isatty():
-        with nullcontext():
-            yield lambda: None
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    with Progress(
-        TextColumn(f"{name}: {{task.completed}} of {{task.total}} records"), BarColumn(),
-        MofNCompleteColumn(), TimeRemainingColumn(), console=Console(stderr=True), transient=True,
-    ) as bar:  # fmt: skip
-        task = bar.add_task(name, total=total, completed=done)
-        yield lambda: bar.advance(task)

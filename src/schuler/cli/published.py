@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,6 +10,7 @@ import click
 from schuler.cli.command import Group, echo, wants_text
 from schuler.cli.common import draw, emit_json, json_option, report_option
 from schuler.cli.parameters import Count
+from schuler.cli.progress import counting
 
 __all__ = ["command"]
 
@@ -113,20 +113,13 @@ def run_(
     changes = parse_overrides(overrides)
     for each in names:
         conditions(each, changes.items())  # a condition that is not there is said before the work
-    shown = sys.stderr.isatty()
     found = []
     for each in dict.fromkeys(names):
-
-        def progress(done: int, of: int, each: str = each) -> None:
-            if shown:
-                click.echo(f"\r\x1b[K{each}: {done} of {of}", err=True, nl=False)
-
         options: dict[str, Any] = {
             "runs": runs, "seed": seed, "workers": workers, "changes": changes,
         }  # fmt: skip
-        found.append(run(each, progress=progress, **options))
-        if shown:
-            click.echo("\r\x1b[K", err=True, nl=False)
+        with counting(each, "jobs") as progress:
+            found.append(run(each, progress=progress, **options))
         if wants_text():
             echo(("" if len(found) == 1 else "\n") + str(found[-1]))
     if json_to is not None:

@@ -355,6 +355,6 @@ def load_spec(spec: str | Path | ImuSpec | None) -> ImuSpec | None:
     if text.endswith(".toml") or Path(text).exists():
         return ImuSpec.from_toml(text)
     raise InputError(
-        f"'{text}'{near(text, GRADES)} is neither a grade ({', '.join(GRADES)}) nor a TOML file "
-        "with a specification"
+        f"'{text}' is neither a grade ({', '.join(GRADES)}) nor a TOML file with a specification"
+        + near(text, GRADES)
     )
