@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from concurrent.futures import Executor, Future
 from pathlib import Path
 
 import pytest
@@ -125,6 +126,35 @@ def test_processes_give_the_same_lines(run: Run, folder: Path):
     run("align", "day", *PLACE, "--json", "one.jsonl")
     run("align", "day", *PLACE[:-1], "2", "--json", "two.jsonl")
     assert lines(folder.parent / "one.jsonl") == lines(folder.parent / "two.jsonl")
+
+
+def test_a_cluster_gets_full_names_and_the_table_has_those_that_were_said(
+    run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    from schuler.campaigns import execute
+
+    class Here(Executor):
+        """A cluster of this process alone."""
+
+        def submit(self, function, *arguments):  # type: ignore[no-untyped-def]
+            assert Path(arguments[1]).is_absolute()
+            future: Future[object] = Future()
+            future.set_result(function(*arguments))
+            return future
+
+    named: list[str] = []
+
+    def cluster(scheduler: str) -> Here:
+        named.append(scheduler)
+        return Here()
+
+    monkeypatch.setattr(execute, "cluster_executor", cluster)
+    done = run("align", "day", *PLACE[:-2], "--scheduler", "tcp://host:8786")
+    assert named == ["tcp://host:8786"]
+    assert done.code == many.SOME_FAILED
+    assert [row.split()[0] for row in done.out.splitlines()[1:4]] == [
+        "day/a.csv", "day/b.csv", "day/c.csv"
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -210,7 +210,7 @@ def _lines(
     if scheduler is not None:
         from schuler.campaigns.execute import cluster_executor
 
-        paths, pool = [os.path.abspath(path) for path in paths], cluster_executor(scheduler)
+        pool = cluster_executor(scheduler)
     else:
         from concurrent.futures import ProcessPoolExecutor
         from multiprocessing import get_context
@@ -218,16 +218,20 @@ def _lines(
         # A forked process would share the threads' locks of this one.
         pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"))
     with pool as executor:
-        yield from _as_done(executor, name, paths, options)
+        # Workers of a cluster have folders of their own, and see the files by their full names.
+        full = [os.path.abspath(path) if scheduler is not None else path for path in paths]
+        yield from _as_done(executor, name, dict(zip(paths, full, strict=True)), options)
 
 
 def _as_done(
-    executor: Executor, name: str, paths: list[str], options: dict[str, Any]
+    executor: Executor, name: str, paths: dict[str, str], options: dict[str, Any]
 ) -> Iterator[Line]:
-    waiting = {executor.submit(run_one, name, path, options): path for path in paths}
+    waiting = {
+        executor.submit(run_one, name, full, options): path for path, full in paths.items()
+    }  # fmt: skip
     try:
         for future in as_completed(waiting):
-            yield future.result()
+            yield {**future.result(), "file": waiting[future]}
     finally:
         for future in waiting:
             future.cancel()
