@@ -1,19 +1,22 @@
 """Empirical mode decomposition beside EMD-signal and emd: time, and a tone kept whole.
 
 The series is a tone of 0.5 Hz in white noise on a ramp, sampled at 100 Hz. The last column of a
-stop rule's row says how well the mode nearest to the tone is correlated with it.
+stop rule's row says how well the mode nearest to the tone is correlated with it. Rivals are timed
+at ten siftings, which both can be told, and at their own defaults; processor time, in turn, with
+the same repeats.
 """
 
 from __future__ import annotations
 
 import logging
-import time
 import warnings
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from _timing import row as timed_row
+from _timing import side_by_side
 from schuler.prefilter import decompose
 
 
@@ -22,16 +25,6 @@ def series(n: int) -> tuple[np.ndarray, np.ndarray]:
     t = np.arange(n) / 100.0
     tone = np.sin(np.pi * t)
     return tone, tone + 0.5 * np.random.default_rng(1).standard_normal(n) + 1e-3 * t
-
-
-def timed(function: Callable[[], Any], repeats: int) -> tuple[float, Any]:
-    """Return the shortest time of a call, s, and its result."""
-    spans, out = [], None
-    for _ in range(repeats):
-        begin = time.perf_counter()
-        out = function()
-        spans.append(time.perf_counter() - begin)
-    return min(spans), out
 
 
 def kept(modes: np.ndarray, tone: np.ndarray) -> float:
@@ -57,35 +50,46 @@ def run() -> list[dict[str, Any]]:
         logging.getLogger("emd").setLevel(logging.ERROR)
     except ImportError:
         emd_sift = None
-    decompose(series(2000)[1], ends="mirror", stop="fixed", siftings=10)
     for n in (60_000, 360_000):
         tone, x = series(n)
-        fixed, _ = timed(lambda x=x: decompose(x, ends="mirror", stop="fixed", siftings=10), 5)
+        rounds = 5 if n == 60_000 else 2
+        fixed: dict[str, Callable[[], Any]] = {
+            "ours": lambda x=x: decompose(x, ends="mirror", stop="fixed", siftings=10)
+        }
+        default: dict[str, Callable[[], Any]] = {"ours": lambda x=x: decompose(x, ends="mirror")}
         if EMD is not None:
-            peer, _ = timed(lambda x=x: EMD(FIXE=10).emd(x), 2)
-            row(f"{n} samples, ten siftings, beside EMD-signal", fixed, peer)
+            fixed["EMD-signal"] = lambda x=x: EMD(FIXE=10).emd(x)
+            if n == 60_000:
+                default["EMD-signal"] = lambda x=x: EMD().emd(x)
         if emd_sift is not None:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                options = {"stop_method": "fixed", "max_iters": 10}
-                peer, _ = timed(lambda x=x, o=options: emd_sift(x, imf_opts=o), 1)
-            row(f"{n} samples, ten siftings, beside emd", fixed, peer)
-        default, modes = timed(lambda x=x: decompose(x, ends="mirror"), 3)
-        own = kept(modes, tone)
-        if EMD is not None and n == 60_000:
-            peer, theirs = timed(lambda x=x: EMD().emd(x), 1)
-            row(f"{n} samples, default stop, beside EMD-signal", default, peer)
-            row(f"{n} samples, the tone's correlation", own, kept(theirs, tone), "-")
-        else:
-            row(f"{n} samples, default stop", default, None)
-            row(f"{n} samples, the tone's correlation", own, None, "-")
+            options = {"stop_method": "fixed", "max_iters": 10}
+            fixed["emd"] = lambda x=x, o=options: emd_sift(x, imf_opts=o)
+            default["emd"] = lambda x=x: emd_sift(x)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            for words, jobs in (("ten siftings", fixed), ("each at its default", default)):
+                found = side_by_side(jobs, rounds)
+                rows += [
+                    timed_row(f"{n} samples, {words}, beside {peer}", found["ours"], found[peer])
+                    for peer in jobs
+                    if peer != "ours"
+                ]
+                if len(jobs) == 1:
+                    rows.append(timed_row(f"{n} samples, {words}", found["ours"]))
+            own = kept(default["ours"](), tone)
+            for peer in ("EMD-signal", "emd"):
+                if peer in default:
+                    modes = np.asarray(default[peer]())
+                    theirs = kept(modes if peer == "EMD-signal" else modes.T, tone)
+                    row(f"{n} samples, the tone's correlation, beside {peer}", own, theirs, "-")
         for threshold in (0.3, 0.05, 0.01):
-            spent, loose = timed(
-                lambda x=x, h=threshold: decompose(x, ends="mirror", threshold=h), 1
-            )
-            row(f"{n} samples, stop at {threshold}", spent, None)
+            loose: dict[str, Callable[[], Any]] = {
+                "ours": lambda x=x, h=threshold: decompose(x, ends="mirror", threshold=h)
+            }
+            spent = side_by_side(loose, 2)["ours"]
+            rows.append(timed_row(f"{n} samples, stop at {threshold}", spent))
             row(f"{n} samples, stop at {threshold}, the tone's correlation",
-                kept(loose, tone), None, "-")  # fmt: skip
+                kept(loose["ours"](), tone), None, "-")  # fmt: skip
     return rows
 
 

@@ -16,8 +16,8 @@ from schuler.trajectory import Trajectory
 
 __all__ = ["TrajectoryStream", "can_stream", "streamed_trajectory"]
 
-_GROUP = 1 << 18
-"""Rows to a row group, as `write_trajectory` has them."""
+_GROUP = 1 << 17
+"""Rows to a row group: half of what `write_trajectory` has, which is held twice on the way."""
 
 
 def can_stream(path: str | Path) -> bool:
