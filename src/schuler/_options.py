@@ -17,7 +17,7 @@ from importlib.metadata import EntryPoint, entry_points
 from types import NoneType, UnionType
 from typing import Any, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from schuler.errors import InputError
+from schuler.errors import InputError, near
 from schuler.units import parse
 
 __all__ = ["Registry", "split_outside"]
@@ -213,7 +213,8 @@ class Registry(Mapping[str, T], Generic[T]):
     def _preset(self, name: str) -> T:
         if name not in self:
             raise InputError(
-                f"unknown {self.what} '{name}'; the {self.what}s are {', '.join(self)}"
+                f"unknown {self.what} '{name}'{near(name, self)}; the {self.what}s are "
+                f"{', '.join(self)}"
             )
         return self[name]
 
@@ -223,7 +224,9 @@ class Registry(Mapping[str, T], Generic[T]):
         values = {}
         for key, value in options.items():
             if key not in known:
-                raise InputError(f"{name} has no option '{key}'; it has {', '.join(known)}")
+                raise InputError(
+                    f"{name} has no option '{key}'{near(key, known)}; it has {', '.join(known)}"
+                )
             if key in self._nested:
                 values[key] = self._nested[key](value)
             else:

@@ -67,19 +67,41 @@ def _call(kernel: str, rows: Array, *out_shape: int) -> Array:
 
 
 def rotvec_to_quat(rotvec: ArrayLike) -> Array:
-    """Return the quaternions (..., 4) of rotation vectors (..., 3), rad; exact for any angle."""
+    """Return the quaternions (..., 4) of rotation vectors (..., 3), rad; exact for any angle.
+
+    Examples
+    --------
+    >>> from schuler.attitude import quat_to_rotvec, rotvec_to_quat
+    >>> np.round(quat_to_rotvec(rotvec_to_quat(np.array([0.1, 0.2, 0.3]))), 12).tolist()
+    [0.1, 0.2, 0.3]
+    """
     shape, rows = _rows(rotvec, 3, "rotvec")
     return _call("rotvec_to_quat_many", rows, 4).reshape((*shape, 4))
 
 
 def quat_to_rotvec(quat: ArrayLike) -> Array:
-    """Return the rotation vectors (..., 3), of length in [0, pi] rad, of quaternions (..., 4)."""
+    """Return the rotation vectors (..., 3), of length in [0, pi] rad, of quaternions (..., 4).
+
+    Examples
+    --------
+    >>> from schuler.attitude import quat_to_rotvec
+    >>> quat_to_rotvec(np.array([1.0, 0.0, 0.0, 0.0])).tolist()
+    [0.0, 0.0, 0.0]
+    """
     shape, rows = _rows(quat, 4, "quat")
     return _call("quat_to_rotvec_many", rows, 3).reshape((*shape, 3))
 
 
 def quat_to_matrix(quat: ArrayLike) -> Array:
-    """Return the direction cosine matrices (..., 3, 3) of unit quaternions (..., 4)."""
+    """Return the direction cosine matrices (..., 3, 3) of unit quaternions (..., 4).
+
+    Examples
+    --------
+    >>> from schuler.attitude import euler_to_quat, quat_to_matrix
+    >>> forward = quat_to_matrix(euler_to_quat([np.pi / 2, 0.0, 0.0]))[:, 1]
+    >>> np.round(forward, 12).tolist()  # psi of 90 deg points west
+    [-1.0, 0.0, 0.0]
+    """
     shape, rows = _rows(quat, 4, "quat")
     return _call("quat_to_matrix_many", rows, 3, 3).reshape((*shape, 3, 3))
 
@@ -91,6 +113,12 @@ def matrix_to_quat(matrix: ArrayLike) -> Array:
     ------
     InputError
         If the shape is wrong or a matrix is not a rotation to 1e-6.
+
+    Examples
+    --------
+    >>> from schuler.attitude import matrix_to_quat
+    >>> matrix_to_quat(np.eye(3)).tolist()
+    [1.0, 0.0, 0.0, 0.0]
     """
     m = np.asarray(matrix, np.float64)
     if m.ndim < 2 or m.shape[-2:] != (3, 3):
@@ -133,7 +161,14 @@ def nearest_quat(matrix: ArrayLike) -> Array:
 
 
 def euler_to_quat(euler: ArrayLike) -> Array:
-    """Return the quaternions (..., 4) of (psi, theta, gamma) (..., 3), rad."""
+    """Return the quaternions (..., 4) of (psi, theta, gamma) (..., 3), rad.
+
+    Examples
+    --------
+    >>> from schuler.attitude import euler_to_quat
+    >>> euler_to_quat([0.0, 0.0, 0.0]).tolist()
+    [1.0, 0.0, 0.0, 0.0]
+    """
     shape, rows = _rows(euler, 3, "euler")
     return _call("quat_from_euler_many", rows, 4).reshape((*shape, 4))
 
@@ -143,13 +178,27 @@ def quat_to_euler(quat: ArrayLike) -> Array:
 
     At gimbal lock (theta within 1e-8 rad of +-90 deg) gamma is 0 and psi takes the whole turn,
     so that the attitude itself is still exact.
+
+    Examples
+    --------
+    >>> from schuler.attitude import euler_to_quat, quat_to_euler
+    >>> np.round(quat_to_euler(euler_to_quat([0.3, 0.1, -0.2])), 12).tolist()
+    [0.3, 0.1, -0.2]
     """
     shape, rows = _rows(quat, 4, "quat")
     return _call("euler_from_quat_many", rows, 3).reshape((*shape, 3))
 
 
 def multiply(p: ArrayLike, q: ArrayLike) -> Array:
-    """Return the Hamilton products p q, (..., 4): the rotation q followed by p."""
+    """Return the Hamilton products p q, (..., 4): the rotation q followed by p.
+
+    Examples
+    --------
+    >>> from schuler.attitude import multiply, rotvec_to_quat
+    >>> half = rotvec_to_quat(np.array([0.0, 0.0, 0.5]))
+    >>> bool(np.allclose(multiply(half, half), rotvec_to_quat(np.array([0.0, 0.0, 1.0]))))
+    True
+    """
     from schuler.kernels.quat import quat_multiply_many
 
     shape, (pr, qr) = _broadcast((p, 4, "p"), (q, 4, "q"))
@@ -159,7 +208,15 @@ def multiply(p: ArrayLike, q: ArrayLike) -> Array:
 
 
 def rotate(quat: ArrayLike, vector: ArrayLike) -> Array:
-    """Return vectors (..., 3) turned by quaternions (..., 4)."""
+    """Return vectors (..., 3) turned by quaternions (..., 4).
+
+    Examples
+    --------
+    >>> from schuler.attitude import rotate, rotvec_to_quat
+    >>> turn = rotvec_to_quat(np.array([0.0, 0.0, np.pi / 2]))
+    >>> np.round(rotate(turn, np.array([1.0, 0.0, 0.0])), 12).tolist()
+    [0.0, 1.0, 0.0]
+    """
     from schuler.kernels.quat import quat_rotate_many
 
     shape, (qr, vr) = _broadcast((quat, 4, "quat"), (vector, 3, "vector"))
@@ -169,7 +226,14 @@ def rotate(quat: ArrayLike, vector: ArrayLike) -> Array:
 
 
 def skew(vector: ArrayLike) -> Array:
-    """Return the matrices [v x] (..., 3, 3) of vectors (..., 3): [v x] u = v x u."""
+    """Return the matrices [v x] (..., 3, 3) of vectors (..., 3): [v x] u = v x u.
+
+    Examples
+    --------
+    >>> from schuler.attitude import skew
+    >>> (skew(np.array([1.0, 0.0, 0.0])) @ [0.0, 1.0, 0.0]).tolist()
+    [0.0, 0.0, 1.0]
+    """
     v = np.asarray(vector, np.float64)
     if v.ndim < 1 or v.shape[-1] != 3:
         raise InputError(f"expected `vector` to have shape (..., 3), got {v.shape}")
@@ -199,14 +263,28 @@ def heading_sigma(quat: ArrayLike, covariance: ArrayLike) -> float:
 
 
 def psi_to_heading(psi: ArrayLike) -> Any:
-    """Return the heading, clockwise from north in [0, 2 pi), of psi (counter-clockwise), rad."""
+    """Return the heading, clockwise from north in [0, 2 pi), of psi (counter-clockwise), rad.
+
+    Examples
+    --------
+    >>> from schuler.attitude import psi_to_heading
+    >>> round(float(np.rad2deg(psi_to_heading(np.deg2rad(30.0)))), 9)
+    330.0
+    """
     heading = np.mod(-np.asarray(psi, np.float64), 2.0 * math.pi)
     # mod of a tiny negative number rounds up to the modulus itself.
     return np.where(heading >= 2.0 * math.pi, 0.0, heading)[()]
 
 
 def heading_to_psi(heading: ArrayLike) -> Any:
-    """Return psi in (-pi, pi] of a heading, rad."""
+    """Return psi in (-pi, pi] of a heading, rad.
+
+    Examples
+    --------
+    >>> from schuler.attitude import heading_to_psi
+    >>> round(float(np.rad2deg(heading_to_psi(np.deg2rad(30.0)))), 9)
+    -30.0
+    """
     psi = -np.asarray(heading, np.float64)
     return (math.pi - np.mod(math.pi - psi, 2.0 * math.pi))[()]
 

@@ -36,6 +36,12 @@ def radii(lat: ArrayLike) -> tuple[Array, Array]:
     -------
     (...) ndarray, (...) ndarray
         Meridian (north-south) and prime-vertical (east-west) radius, m.
+
+    Examples
+    --------
+    >>> from schuler.earth import radii
+    >>> [round(float(r)) for r in radii(0.0)]  # meridian, transverse
+    [6335439, 6378137]
     """
     from schuler.kernels.earth import radii_many
 
@@ -115,6 +121,12 @@ def gravity(lat: ArrayLike, height: ArrayLike = 0.0) -> Array:
     (...) ndarray
         m/s^2: Somigliana's closed form with the second-order series in height (NIMA
         TR8350.2, 2000, equations 4-1 and 4-3).
+
+    Examples
+    --------
+    >>> from schuler.earth import gravity
+    >>> round(float(gravity(np.deg2rad(45.0), 0.0)), 5)
+    9.8062
     """
     from schuler.kernels.earth import gravity_many
 
@@ -125,7 +137,15 @@ def gravity(lat: ArrayLike, height: ArrayLike = 0.0) -> Array:
 
 
 def earth_rate(lat: ArrayLike) -> Array:
-    """Return the Earth's rotation rate in ENU, rad/s, shape (..., 3), for a latitude in rad."""
+    """Return the Earth's rotation rate in ENU, rad/s, shape (..., 3), for a latitude in rad.
+
+    Examples
+    --------
+    >>> from schuler.earth import earth_rate
+    >>> east, north, up = np.rad2deg(earth_rate(0.0)) * 3600.0
+    >>> round(float(north), 3), float(up)  # deg/h
+    (15.041, 0.0)
+    """
     la = np.asarray(lat, np.float64)
     return np.stack([np.zeros_like(la), EARTH_RATE * np.cos(la), EARTH_RATE * np.sin(la)], axis=-1)
 
@@ -151,6 +171,13 @@ def transport_rate(lat: ArrayLike, height: ArrayLike, ve: ArrayLike, vn: ArrayLi
     return out.reshape((*shape, 3))
 
 
+_EXAMPLES = {
+    "latitude": "Site(34.2)", "longitude": "Site(34.2, 108.9)", "height": "Site(34.2, height=380)",
+    "gravity_sigma": "gravity_sigma=20", "deflection_sigma": "deflection_sigma=5",
+}  # fmt: skip
+"""What a call looks like in which each argument is a number."""
+
+
 @dataclass(frozen=True)
 class Site:
     """A place on the Earth, given as people give it.
@@ -172,6 +199,12 @@ class Site:
     ------
     InputError
         For a value out of range or not finite.
+
+    Examples
+    --------
+    >>> site = sc.Site(48.1, 11.6, 500.0)
+    >>> round(site.gravity, 4)
+    9.8075
     """
 
     lat: float
@@ -188,7 +221,7 @@ class Site:
             ("gravity_sigma", self.gravity_sigma, 0.0, 1000.0, "mGal"),
             ("deflection_sigma", self.deflection_sigma, 0.0, 120.0, "arcsec"),
         ):
-            expect(value, Real, label)
+            expect(value, Real, label, f"give it in {unit}, as {_EXAMPLES[label]}")
             if not (math.isfinite(value) and low <= value <= high):
                 raise InputError(
                     f"{label} must be between {low:g} and {high:g} {unit}, got {value:g}"

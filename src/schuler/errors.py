@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from numbers import Real
 
-__all__ = ["InputError", "SchulerError", "expect", "printable", "shown"]
+__all__ = ["InputError", "SchulerError", "expect", "near", "printable", "shown"]
 
 #: characters of a message; what a file brings into it has no end otherwise
 _LONGEST = 4000
@@ -54,6 +55,23 @@ def expect(value: object, kind: type | tuple[type, ...], what: str, how: str = "
     wanted = " or ".join("a number" if each is Real else each.__name__ for each in kinds)
     tail = f"; {how}" if how else ""
     raise InputError(f"{what}: expected {wanted}, got {type(value).__name__}{tail}")
+
+
+def near(text: str, known: Iterable[str]) -> str:
+    """Return `` (did you mean 'x'?)`` for the known name that is nearest to a text, if one is.
+
+    Examples
+    --------
+    >>> near("optimul", ["optimal", "kalman"])
+    " (did you mean 'optimal'?)"
+    >>> near("wahba", ["optimal", "kalman"])
+    ''
+    """
+    from difflib import get_close_matches
+
+    by_small = {name.lower(): name for name in known}
+    found = get_close_matches(text.lower(), list(by_small), 1, 0.7)
+    return f" (did you mean '{by_small[found[0]]}'?)" if found else ""
 
 
 def printable(text: str) -> str:

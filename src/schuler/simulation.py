@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from schuler.attitude import psi_to_heading, quat_to_euler
 from schuler.constants import DEG
 from schuler.earth import Site
-from schuler.errors import InputError
+from schuler.errors import InputError, expect
 from schuler.motion import Motion
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
@@ -53,6 +53,11 @@ class Simulation:
         as on a map.
     gyro, accelerometer : Imperfections
         The constant errors of the instrument.
+
+    Examples
+    --------
+    >>> made.record.rate, made.truth.quat_nb.shape
+    (20.0, (1201, 4))
     """
 
     record: ImuRecord
@@ -150,7 +155,20 @@ def simulate(
     ------
     InputError
         For a bad duration or rate, or a specification without a generator.
+
+    Examples
+    --------
+    >>> from schuler.motion import Static
+    >>> made = sc.simulate(Static(heading=30.0), site, 60.0, 20.0, spec, np.random.default_rng(1))
+    >>> round(made.heading_deg(), 6), len(made.record)
+    (30.0, 1200)
     """
+    if not hasattr(motion, "track"):
+        raise InputError(
+            f"motion: expected a motion, got {type(motion).__name__}; schuler.motion has them, as "
+            "Static(heading=30.0)"
+        )
+    expect(site, Site, "site", "say schuler.Site(lat, lon, height)")
     if not (np.isfinite(duration) and np.isfinite(rate) and rate > 0 and duration * rate >= 1):
         raise InputError(
             f"duration and rate must make at least one sample, got {duration} s at {rate} Hz"

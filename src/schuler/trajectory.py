@@ -49,6 +49,12 @@ class Trajectory(Result):
     ------
     InputError
         For arrays of other shapes.
+
+    Examples
+    --------
+    >>> path = made.truth
+    >>> len(path.time) == len(record) + 1
+    True
     """
 
     time: Array = field(repr=False)

@@ -10,7 +10,7 @@ import math
 import re
 
 from schuler.constants import ARCMIN, ARCSEC, DEG, STANDARD_GRAVITY
-from schuler.errors import InputError
+from schuler.errors import InputError, near
 
 __all__ = [
     "UNITS", "convert", "dimension_of", "known_unit", "parse", "parse_factor", "time_text",
@@ -153,7 +153,8 @@ def _lookup(unit: str, what: str, dimensions: tuple[str, ...] = ()) -> tuple[flo
     if entry is None:
         fitting = [name for name, (_, kind) in UNITS.items() if kind in dimensions]
         known = ", ".join(fitting or sorted(UNITS, key=str.lower))
-        raise InputError(f"{what}: unknown unit '{unit}'; known units: {known}")
+        near_one = near(unit, fitting or UNITS)
+        raise InputError(f"{what}: unknown unit '{unit}'{near_one}; known units: {known}")
     return entry
 
 
@@ -189,6 +190,12 @@ def parse(text: str, dimension: str, what: str = "value") -> float:
     ------
     InputError
         If there is no number, no unit, an unknown unit or a unit of another dimension.
+
+    Examples
+    --------
+    >>> from schuler.units import parse
+    >>> round(parse("0.01 deg/h", "angular rate") * 1e9, 3)
+    48.481
     """
     if not isinstance(text, str):
         raise InputError(f"{what}: expected a text like '0.01 deg/h', got {text!r}")
@@ -246,6 +253,12 @@ def convert(value: float, from_unit: str, to: str) -> float:
     ------
     InputError
         If the dimensions differ.
+
+    Examples
+    --------
+    >>> from schuler.units import convert
+    >>> round(convert(0.01, "deg/h", "rad/s"), 12)
+    4.8481e-08
     """
     a, b = _lookup(from_unit, "unit"), _lookup(to, "unit")
     if a[1] != b[1]:
@@ -257,6 +270,12 @@ def time_text(seconds: float) -> str:
     """Return an instant for a message: nine digits, and never less than hundredths of a second.
 
     A Unix time has ten digits before its point: ``1700000059.99``, not ``1.70000006e+09``.
+
+    Examples
+    --------
+    >>> from schuler.units import time_text
+    >>> time_text(90.0)
+    '90'
     """
     if abs(seconds) < 1e6 or not math.isfinite(seconds):
         return f"{seconds:.9g}"

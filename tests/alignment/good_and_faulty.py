@@ -272,7 +272,7 @@ def fault_table(records: int) -> str:
 
 def main() -> None:
     """Write both tables into the page."""
-    good, faulty = (int(x) for x in (sys.argv[1:3] if len(sys.argv) > 2 else (2000, 200)))
+    good, faulty = (int(x) for x in (sys.argv[1:3] if len(sys.argv) > 2 else (2000, 250)))
     text = PAGE.read_text(encoding="utf-8")
     parts = text.split(MARK)
     parts[1], parts[3] = good_table(good), fault_table(faulty)

@@ -18,7 +18,7 @@ from schuler.centrifuge import (
     plan,
     score,
 )
-from schuler.centrifuge.plan import run_round
+from schuler.centrifuge.search import run_round
 from schuler.errors import InputError
 from schuler.kernels.centrifuge import invert_information
 from schuler.kernels.scheme import exchange

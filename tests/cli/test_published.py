@@ -55,7 +55,7 @@ def test_json_alone_on_standard_output(run):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("gou2015",), "'gou2015' is no published experiment; there are guo2015"),
+        (("gou2015",), "'gou2015' (did you mean 'guo2015'?) is no published experiment"),
         (("du2016", "--runs", "1"), "two runs"),
         (("du2016", "--workers", "0"), "from 1 to 1000, got 0"),
         (("du2016", "--json", "nowhere/a.json"), "nowhere"),

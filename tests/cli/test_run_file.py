@@ -21,7 +21,7 @@ ELSEWHERE = {
     "columns", "gyro", "accel", "time", "axes", "mean_rates", "rate", "start_time",
     "coning_corrected", "sculling_corrected", "array", "delimiter", "comment", "decimal",
     "skip_rows", "header", "variables", "format", "topic", "imu_type", "accel_file", "accel_topic",
-    "mapping", "save_mapping", "save_run_to", "debug", "figures", "figure_format", "again",
+    "mapping", "save_mapping", "save_run_to", "debug", "figures", "figure_format", "again", "quiet",
 }  # fmt: skip
 
 

@@ -50,7 +50,7 @@ def test_spellings_of_frd(text: str) -> None:
     ("text", "part"),
     [
         ("FLD", "left-handed"), ("RFD", "left-handed"), ("x,y,-z", "left-handed"),
-        ("RLU", "once"), ("FFU", "once"), ("x,x,z", "once"), ("NED", "not understood"),
+        ("RLU", "once"), ("FFU", "once"), ("x,x,z", "once"), ("NED", "FRD if x points forward"),
         ("x,y", "not understood"), ("", "not understood"), ("x,y,z,", "not understood"),
         ("x,y,z,x", "not understood"), ("axy", "not understood"), ("x;y;z", "not understood"),
     ],

@@ -16,6 +16,7 @@ from schuler.navigation import AidingOptions, Outages, navigate_aided
 from schuler.navigation.lever import at_lever, rates
 from schuler.sensors import GRADES
 from schuler.simulation import simulate
+from tests.conftest import chi_square_band
 
 from .test_aided import QUIET, SPEC, drive, route
 
@@ -192,3 +193,40 @@ def test_a_drive_over_the_date_line_and_the_poles(place, heading, legs):
         clear = settled & (np.abs(there.lat) < np.pi / 2 - 5.0 / 6.4e6)
         assert turn[clear].max() < 0.4
         assert np.abs(path.v_n - there.v_n)[clear].max() < 0.15
+
+
+def test_another_point_has_its_own_sigma():
+    """Six smoothed runs, a point 20 m away: errors over sigma at five instants of each.
+
+    Attitude counts there: without it a position's sigma would be two thirds of what it is. The
+    mean square of 90 such ratios, which five instants of a run share in part, is taken for 30
+    free ones: false alarm 2e-3 each.
+    """
+    far = np.array([3.0, 20.0, 1.0])
+    squares, plain = [], []
+    for seed in range(6):
+        rng = np.random.default_rng([seed, 3])
+        made = simulate(route(), Site(40.0, 10.0, 100.0), 120.0, 100.0, SPEC, rng)
+        gnss = fixes(made.truth, rng)
+        found = navigate_aided(made.record, gnss, spec=SPEC, options=replace(QUIET, smooth=True))
+        point = found.at_point(made.record, far)
+        truth = at_lever(rows_of(made.truth, point), far, rates_at(made.truth, point.time))
+        k = np.linspace(len(point) // 4, len(point) - 2, 5).astype(int)
+        off = np.column_stack([
+            (point.lon - truth.lon) * 6.385e6 * np.cos(truth.lat),
+            (point.lat - truth.lat) * 6.36e6, point.height - truth.height,
+        ])[k]  # fmt: skip
+        sigma = np.sqrt(point.known("variances")[k, 6:9])
+        squares.append((off / sigma) ** 2)
+        plain.append(np.sqrt(found.path.known("variances")[k, 6:9]) / sigma)
+    low, high = (x / 30.0 for x in chi_square_band(30, 2e-3))
+    assert low < np.mean(squares) < high
+    assert np.min(plain) < 0.7
+    first = navigate_aided(made.record, gnss, spec=SPEC, options=QUIET)
+    assert first.at_point(made.record, far).variances is None
+
+
+def rates_at(truth, time):
+    """Return the body's rate at times, from the truth's attitudes."""
+    rate = rates(truth)
+    return np.column_stack([np.interp(time, truth.time, column) for column in rate.T])

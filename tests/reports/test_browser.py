@@ -15,8 +15,10 @@ import pytest
 
 from schuler.alignment import align, align_windows
 from schuler.reports import report
+from schuler.reports.page import Page, Section, write_page
 from schuler.reports.results import page_of
 
+from .results import MAKERS, made
 from .test_report import HOSTILE, SITE, record
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -127,3 +129,57 @@ def test_a_figure_is_saved_as_it_is(chromium: str, page: Path, tmp_path: Path) -
                 for a, b in zip(ours[1:], theirs[1:], strict=True)
             ]
             assert all(same)
+
+
+@pytest.fixture(scope="module")
+def every_page(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int]:
+    """Return one page with the headlines and sections of every kind of report."""
+    sections: list[Section] = []
+    for name in MAKERS:
+        made_page = page_of(made(name))
+        head = made_page.head_html.replace("<h1>", "<p>").replace("</h1>", "</p>")
+        sections += [Section(name, head), *made_page.sections]
+    page = Page("Every report", "<h1>Every report</h1>", sections)
+    path = tmp_path_factory.mktemp("every") / "page.html"
+    write_page(page, path)
+    probe = (
+        "<script>const wide = window.innerWidth + 1;"
+        "const over = Array.from(document.querySelectorAll('body *')).filter((e) => "
+        "e.getBoundingClientRect().right > wide && !e.closest('.table') && !e.closest('.plot'));"
+        "document.documentElement.dataset.over = over.map((e) => e.tagName).join(' ');"
+        "document.documentElement.dataset.scroll = "
+        "String(document.documentElement.scrollWidth <= wide);</script></body>"
+    )
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("</body>", probe), encoding="utf-8")
+    return path, len(page.drawings)
+
+
+@pytest.mark.parametrize(
+    ("width", "look"), [pytest.param(1280, LIGHT, marks=pytest.mark.long), (500, DARK)]
+)
+def test_every_kind_of_report_fits_its_screen(
+    chromium: str, every_page: tuple[Path, int], tmp_path: Path, width: int, look: str
+) -> None:
+    """All figures are drawn, in light and dark, and nothing is wider than the screen."""
+    path, count = every_page
+    more = ("--blink-settings=preferredColorScheme=0",) if look == DARK else ()
+    dom, log = visit(chromium, path, tmp_path, f"--window-size={width},2000", *more)
+    root = re.search(r"<html[^>]*>", dom)
+    assert root is not None
+    assert f'data-drawn="{count}"' in root[0]
+    assert 'data-scroll="true"' in root[0]
+    assert 'data-over=""' in root[0], root[0]
+    drawn = plots(dom)
+    assert len(drawn) == count
+    for plot in drawn:
+        assert look in plot
+    assert [line for line in log.splitlines() if "CONSOLE" in line] == []
+
+
+def test_numbers_of_tables_are_not_broken(every_page: tuple[Path, int]) -> None:
+    text = every_page[0].read_text(encoding="utf-8")
+    assert '<td class="whole">' in text
+    cells = re.findall(r"<td>([^<]+)</td>", text[: text.index("<script>")])
+    for cell in cells:
+        assert not re.search(r"\d[\d.]*e[-+]\d", cell), cell

@@ -38,8 +38,9 @@ class ZeroVelocity:
 
     Examples
     --------
-    >>> ZeroVelocity([(0.0, 25.0), (190.0, 205.0)]).times(0.0, 200.0)[-1]
-    199.5
+    >>> rest = ZeroVelocity([(0.0, 25.0), (190.0, 205.0)])
+    >>> float(rest.times(0.0, 200.0)[-1])
+    200.0
     """
 
     spans: ArrayLike

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, replace
+from logging import getLogger
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,8 @@ from schuler.errors import InputError, expect
 from schuler.kernels.states import TrackerState
 from schuler.record import ImuRecord, Reading, Summariser, Summary
 from schuler.sensors import ImuSpec, SensorArray, load_array, load_spec
+
+log = getLogger("schuler.alignment")
 
 __all__ = ["HOW_RECORD", "Aligner"]
 
@@ -85,6 +88,14 @@ class Aligner:
     ------
     InputError
         For an unknown method or specification, or a site too near a pole.
+
+    Examples
+    --------
+    >>> aligner = sc.Aligner(site, spec=spec)
+    >>> for chunk in (record.between(None, 30.0), record.between(30.0, None)):
+    ...     aligner = aligner.update(chunk)
+    >>> aligner.solution().headline()[:11]
+    'heading 29.'
     """
 
     def __init__(
@@ -378,6 +389,7 @@ class Aligner:
                 f"sigma of the heading is {sigma / 60:.0f} deg: this record, or this instrument, "
                 "cannot tell north"
             )
+        log.debug("%s over %.6g s: heading sigma %.4g'", self.method, h.duration, sigma)
         return Alignment(
             method=found.method,
             site=self.site,

@@ -125,15 +125,23 @@ class _Bands:
         edges[0] = 0
         return cls(used, frequency[used], edges)
 
-    def left(self, x: Array) -> Array:
-        """Return series (n, c) without their parabola: a bias and a drift leak into all else."""
-        trend, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, len(x)), 3))
-        return np.asarray(x - trend @ (trend.T @ x))
-
     def spectrum(self, x: Array) -> Spectrum:
         """Return the spectrum (k, c) of series (n, c)."""
-        window = np.hanning(len(x))[:, None] / np.sqrt(0.375 * len(x))
-        return np.asarray(np.fft.rfft(self.left(x) * window, axis=0)[self.used])
+        _, window = _trend_and_window(len(x))
+        return np.asarray(np.fft.rfft(x * window, axis=0)[self.used])
+
+
+@lru_cache(maxsize=8)
+def _trend_and_window(n: int) -> tuple[Array, Array]:
+    """Return orthonormal parabolas (n, 3), and a Hann window (n, 1) that keeps the power."""
+    trend, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, n), 3))
+    return np.asarray(trend), np.hanning(n)[:, None] / np.sqrt(0.375 * n)
+
+
+def _left(x: Array) -> Array:
+    """Return series (n, c) without their parabola: a bias and a drift leak into all else."""
+    trend, _ = _trend_and_window(len(x))
+    return np.asarray(x - trend @ (trend.T @ x))
 
 
 def axes_test(h: History, spans: Sequence[tuple[float, float]] | None = None) -> AxesTest | None:
@@ -186,12 +194,14 @@ def _of_span(rows: Array, namings: Array) -> Array | None:
         return None
     angle = np.diff(nodes.sum_dtheta, axis=0)
     theta = np.cumsum(angle, axis=0) - 0.5 * angle
-    if np.abs(bands.left(theta)).max() > _LARGEST:
+    theta = _left(theta)
+    if np.abs(theta).max() > _LARGEST:
         return None
     f_b = np.diff(nodes.sum_dvel, axis=0) / dt[:, None]
     mean = f_b.mean(axis=0)
     level = _level_axes(mean)
-    turned, seen = bands.spectrum(theta), bands.spectrum((f_b - mean) @ level)
+    both = bands.spectrum(np.concatenate([theta, _left((f_b - mean) @ level)], axis=1))
+    turned, seen = both[:, :3], both[:, 3:]
     # -theta x f for each naming is theta @ its matrix.
     turning = np.einsum("mac,ab->mcb", namings, -_cross_matrix(mean) @ level)
     return _log_likelihood(turned, seen, turning, bands)

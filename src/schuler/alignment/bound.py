@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from schuler._files import check_keys, number, read_toml
 from schuler.attitude import euler_to_quat, quat_to_matrix, skew
 from schuler.constants import DEG
 from schuler.earth import Site
-from schuler.errors import InputError
+from schuler.errors import InputError, expect
 from schuler.estimate.information import covariance_of, gls_information
 from schuler.sensors import ImuSpec
 from schuler.sensors.theory import mean_covariance
@@ -204,7 +205,17 @@ def limit(spec: ImuSpec, site: Site, duration: float, interval: float = 0.01) ->
     ------
     InputError
         If the duration or the interval is not positive.
+
+    Examples
+    --------
+    >>> covariance = sc.limit(spec, site, 300.0)
+    >>> sigma = np.rad2deg(np.sqrt(np.diag(covariance))) * 60.0
+    >>> bool(2.0 < sigma[2] < 10.0)  # heading, arcmin
+    True
     """
+    expect(spec, ImuSpec, "spec", "schuler.load_spec gives one of a grade or a file")
+    expect(site, Site, "site", "say schuler.Site(lat, lon, height)")
+    expect(duration, Real, "duration", "give it in seconds")
     if not (np.isfinite(duration) and duration > 0):
         raise InputError(f"the duration must be a positive time, got {duration} s")
     return position_limit(spec, site, [Position(dwell=duration)], interval).phi

@@ -21,7 +21,7 @@ from schuler.alignment.methods import (
 from schuler.alignment.result import Alignment
 from schuler.alignment.windows import spread_arcmin, track_windows
 from schuler.earth import Site
-from schuler.errors import InputError, SchulerError
+from schuler.errors import InputError, SchulerError, expect
 from schuler.prefilter import PREFILTERS, parse_prefilter
 from schuler.record import ImuRecord, without_spikes
 from schuler.sensors import ImuSpec, load_spec
@@ -183,7 +183,20 @@ def compare(
     ------
     InputError
         For an unknown name.
+
+    Examples
+    --------
+    >>> table = sc.compare(record, site, spec, [("optimal", "none"), ("wahba", "none")])
+    >>> [row.method for row in table.rows]
+    ['optimal', 'wahba']
     """
+    expect(
+        record,
+        ImuRecord,
+        "record",
+        "read a file with schuler.read, a table with schuler.io.from_pandas",
+    )
+    expect(site, Site, "site", "say schuler.Site(lat, lon, height)")
     spec = load_spec(spec)
     if window is None:
         window = max(60.0, record.duration / 10.0)

@@ -143,10 +143,10 @@ def compare_records(
 
     Examples
     --------
-    >>> import schuler as sc
-    >>> before = sc.align(sc.read("monday.csv"), sc.Site(48.1))  # doctest: +SKIP
-    >>> after = sc.align(sc.read("tuesday.csv"), sc.Site(48.1))  # doctest: +SKIP
-    >>> compare_records(before, after).equal  # doctest: +SKIP
+    >>> from schuler.alignment import compare_records
+    >>> before = sc.align(record.between(None, 30.0), site, spec=spec)
+    >>> after = sc.align(record.between(30.0, None), site, spec=spec)
+    >>> compare_records(before, after).equal
     True
     """
     back = first.quat_nb * np.array([1.0, -1.0, -1.0, -1.0])

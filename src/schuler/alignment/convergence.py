@@ -47,6 +47,13 @@ def convergence(fix: Alignment, points: int = 60) -> Convergence:
     fix : Alignment
     points : int
         At most so many, spaced evenly in the logarithm of time from a hundredth of the span.
+
+    Examples
+    --------
+    >>> from schuler.alignment import convergence
+    >>> curve = convergence(sc.align(record, site, spec=spec))
+    >>> bool(curve.sigma_arcmin[0] > curve.sigma_arcmin[-1])
+    True
     """
     if fix.filter_history is not None:
         return _of_filter(fix, fix.filter_history, points)

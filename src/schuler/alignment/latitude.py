@@ -99,6 +99,12 @@ def align_without_latitude(
     ------
     InputError
         If the record shows no latitude: it is too short or too disturbed, or lies at a pole.
+
+    Examples
+    --------
+    >>> found = sc.align_without_latitude(record, spec)
+    >>> bool(abs(np.rad2deg(found.latitude) - 48.1) < 1.0)
+    True
     """
     from dataclasses import replace
 

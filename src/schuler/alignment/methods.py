@@ -52,6 +52,11 @@ class Inertial(Method):
     subsamples : int, optional
         Samples to one coning and sculling update, 1 to 4 (1 uses the sample before as well);
         by default chosen from the sampling rate.
+
+    Examples
+    --------
+    >>> str(sc.align(record, site, sc.Inertial("wahba"), spec).method)
+    'wahba'
     """
 
     estimator: str = "centred"
@@ -88,6 +93,11 @@ class Analytic(Method):
     ----------
     base : {"gravity", "earth-rate"}
         The vector that is fitted exactly (where the Gram-Schmidt process starts).
+
+    Examples
+    --------
+    >>> str(sc.align(record, site, sc.Analytic("earth-rate"), spec).method)
+    'analytic-earth-rate'
     """
 
     base: str = "gravity"
@@ -168,6 +178,12 @@ class KalmanAlignment(Method):
     start : str
         The estimator of `Inertial` that the filter starts from; its prior is three sigmas of that
         at least, so that the record hardly counts twice.
+
+    Examples
+    --------
+    >>> fix = sc.align(record, site, sc.KalmanAlignment(10, "velocity"), spec)
+    >>> fix.covariance.shape
+    (3, 3)
     """
 
     states: int = 15
@@ -238,6 +254,11 @@ class Gyrocompass(Method):
         Part of the record for the level stage.
     pole : float, optional
         Pole of the azimuth stage, 1/s; by default as slow as the record allows.
+
+    Examples
+    --------
+    >>> sc.align(record, site, sc.Gyrocompass(), spec).consistent
+    True
     """
 
     level_share: float = 0.15

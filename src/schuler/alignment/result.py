@@ -86,6 +86,12 @@ class Alignment(Result):
         What a Kalman filter said after each step.
     inputs : dict of str to str
         What is needed to do the same again.
+
+    Examples
+    --------
+    >>> fix = sc.align(record, site, spec=spec)
+    >>> bool(abs(fix.heading_deg - 30.0) < 3.0 * fix.heading_sigma_arcmin / 60.0), fix.consistent
+    (True, True)
     """
 
     method: Method

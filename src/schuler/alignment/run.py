@@ -73,9 +73,11 @@ def align(
 
     Examples
     --------
-    >>> fix = align(record, Site(34.246, 108.910, 380), spec="navigation-rlg")  # doctest: +SKIP
-    >>> print(fix)  # doctest: +SKIP
-    >>> fix = align(record, aiding=gnss, span=(30.0, 90.0), spec=spec)  # doctest: +SKIP
+    >>> fix = sc.align(record, site, spec="navigation-fog")
+    >>> fix.consistent
+    True
+    >>> sc.align(drive, aiding=gnss, span=(10.0, 50.0), spec=spec).consistent
+    True
     """
     expect(record, ImuRecord, "record", HOW_RECORD)
     if array is not None and aiding is not None:

@@ -125,6 +125,12 @@ def align_windows(
     ------
     InputError
         If no window is full, or as `align`.
+
+    Examples
+    --------
+    >>> windows = sc.align_windows(record, site, 20.0, spec=spec)
+    >>> len(windows.each)
+    3
     """
     spec = load_spec(spec)
     whole = Aligner(site, method, spec, at=at)

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.allan_variance.ladder import Even, Ladder, channel_names, grid
 from schuler.allan_variance.result import Allan
 from schuler.allan_variance.theory import KINDS, Kind, bounds, degrees_of_freedom
-from schuler.errors import InputError
+from schuler.errors import InputError, expect
 from schuler.record import ImuRecord
 
 __all__ = ["Allan", "AllanSums", "allan", "allan_deviation"]
@@ -291,8 +291,18 @@ def allan(
     InputError
         For an unknown kind, a record too short or unevenly sampled, a value that is not finite,
         or an averaging time that the record cannot give.
+
+    Examples
+    --------
+    >>> found = sc.allan(record, taus=[1.0, 10.0])
+    >>> len(found.to_pandas()) > 0
+    True
     """
     wanted = _settled(kind)
+    # A text or a table can be gone through too, and has no samples.
+    how = "read a file with schuler.read, a table with schuler.io.from_pandas"
+    if not isinstance(record, Iterable) or isinstance(record, str) or hasattr(record, "columns"):
+        expect(record, ImuRecord, "record", how)
     if not isinstance(record, ImuRecord) and wanted != "total":
         sums = AllanSums(wanted, taus)
         for chunk in record:

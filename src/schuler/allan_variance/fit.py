@@ -30,7 +30,7 @@ from schuler.allan_variance.theory import (
     freedom,
     unit_variances,
 )
-from schuler.errors import InputError
+from schuler.errors import InputError, expect
 from schuler.sensors.errors import AccelerometerSpec, GyroSpec, ImuSpec
 
 __all__ = ["MOVED", "ChannelFit", "NoiseFit", "NoiseTerm", "fit_noise"]
@@ -363,7 +363,14 @@ def fit_noise(found: Allan) -> NoiseFit:
     ------
     InputError
         If there are too few averaging times.
+
+    Examples
+    --------
+    >>> found = sc.fit_noise(sc.allan(record))
+    >>> len(found.channels)
+    6
     """
+    expect(found, Allan, "found", "it is what schuler.allan gives of a record")
     keep = _octaves(found.tau)
     if len(keep) < _LEAST:
         raise InputError(

@@ -267,6 +267,12 @@ def calibrate_poses(
         For values that are not numbers, fewer than six good poses, poses too much alike, or what
         is left after the fit and can be no error of an instrument.
     """
+    for label, given in (("time", time), ("accel", accel), ("gyro", gyro)):
+        if given is not None and not np.issubdtype(np.asarray(given).dtype, np.number):
+            raise InputError(
+                f"{label}: expected numbers, got {type(given).__name__}; of a record they are "
+                "record.time, record.accel and record.gyro"
+            )
     t, f = np.asarray(time, np.float64), np.asarray(accel, np.float64)
     w = None if gyro is None else np.ascontiguousarray(gyro, dtype=np.float64)
     for label, array, shape in (("time", t, t.shape[:1]), ("accel", f, (len(t), 3)),

@@ -56,6 +56,12 @@ class Campaign:
     ------
     InputError
         For numbers out of range, an unknown method, or values that the scenario refuses.
+
+    Examples
+    --------
+    >>> plan = sc.Campaign(sc.load_scenario("truck.toml"), 100, {"motion.shake_mm": (1, 4)})
+    >>> plan.runs
+    100
     """
 
     scenario: Scenario

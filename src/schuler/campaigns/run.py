@@ -139,6 +139,13 @@ def campaign(
         If the folder holds another campaign or is in use, or a run cannot be aligned.
     SchulerError
         If workers die again and again, or Dask is missing.
+
+    Examples
+    --------
+    >>> plan = sc.Campaign(sc.load_scenario("truck.toml"), 2)
+    >>> results = sc.campaign(plan, "out", workers=0)
+    >>> len(results.scatters())
+    1
     """
     if workers is not None and workers < 0:
         raise InputError(f"--workers must be 0 or more, got {workers}")

@@ -17,15 +17,7 @@ from schuler.centrifuge.objective import (
     judge,
     time_to_reach,
 )
-from schuler.centrifuge.plan import (
-    AngleLimits,
-    Plan,
-    Problem,
-    compare_objectives,
-    evaluate_positions,
-    explore,
-    plan,
-)
+from schuler.centrifuge.plan import Plan, compare_objectives, explore, plan
 from schuler.centrifuge.plant import (
     PUBLISHED_ESTIMATES,
     PUBLISHED_POSITIONS,
@@ -39,6 +31,7 @@ from schuler.centrifuge.plant import (
 )
 from schuler.centrifuge.result import CentrifugeTest, identify
 from schuler.centrifuge.scorecard import Scorecard, score
+from schuler.centrifuge.search import AngleLimits, Problem, evaluate_positions
 
 __all__ = [
     "OBJECTIVES",

@@ -13,7 +13,7 @@ import click
 
 from schuler import __version__
 from schuler.cli.command import Group
-from schuler.errors import SchulerError, printable
+from schuler.errors import SchulerError, near, printable
 
 __all__ = ["cli", "main"]
 
@@ -50,6 +50,8 @@ _MAP = {
 _COMMANDS = [name for group in _MAP.values() for name in group]
 
 
+_LEVELS = ("debug", "info", "warning", "error")
+
 #: errors of writing; files are written by `replacing`, which gives them a name
 _OF_A_STREAM = (errno.ENOSPC, errno.EIO, errno.EPIPE, errno.EBADF, errno.EFBIG, errno.EDQUOT)
 
@@ -65,6 +67,15 @@ class _LazyGroup(Group):
             return None
         command: click.Command = import_module(f"schuler.cli.{name}").command
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Name the command that is nearest to an unknown one."""
+        if args and not args[0].startswith("-") and args[0] not in _COMMANDS:
+            hint = near(args[0], _COMMANDS)
+            raise click.UsageError(f"No such command '{args[0]}'{hint}", ctx)
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         for title, group in _MAP.items():
@@ -98,6 +109,7 @@ def main(arguments: list[str] | None = None) -> None:
         # take the other cores from whoever runs beside.
         for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
             os.environ.setdefault(name, "1")
+    _start_log()
     try:
         code = cli.main(args=arguments, prog_name="schuler", standalone_mode=False)
         # What cannot be written is found out when it is, not when the process ends.
@@ -109,6 +121,22 @@ def main(arguments: list[str] | None = None) -> None:
         _end(error, "--debug" in given or os.environ.get("SCHULER_DEBUG") == "1")
     else:
         sys.exit(code if isinstance(code, int) else 0)
+
+
+def _start_log() -> None:
+    """Send what modules log to standard error, from the level of SCHULER_LOG on."""
+    wanted = os.environ.get("SCHULER_LOG")
+    if not wanted:
+        return
+    import logging
+
+    if wanted.lower() not in _LEVELS:
+        _stop(f"SCHULER_LOG={wanted}: expected one of {', '.join(_LEVELS)}", 2)
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(relativeCreated)8.0f ms  %(name)s: %(message)s"))
+    log = logging.getLogger("schuler")
+    log.handlers[:] = [handler]
+    log.setLevel(wanted.upper())
 
 
 def _end(error: BaseException, debug: bool) -> NoReturn:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from schuler.cli.path_output import triple
-from schuler.errors import InputError
+from schuler.errors import InputError, near
 
 __all__ = ["estimates_of", "lever_of", "sigmas_of"]
 
@@ -33,5 +33,8 @@ def estimates_of(text: str | None) -> set[str]:
     wanted = {part.strip() for part in text.split(",")} if text else set()
     unknown = wanted - set(_ESTIMATES)
     if unknown:
-        raise InputError(f"--estimate: '{min(unknown)}' is none of {', '.join(_ESTIMATES)}")
+        name = min(unknown)
+        raise InputError(
+            f"--estimate: '{name}'{near(name, _ESTIMATES)} is none of {', '.join(_ESTIMATES)}"
+        )
     return wanted

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,6 +10,7 @@ from schuler.cli.command import Command, add_input, echo, wants_text
 from schuler.cli.common import draw, emit_json, json_option, report_option, say_warnings
 from schuler.cli.completion import methods, scenarios
 from schuler.cli.parameters import Count, InputFile
+from schuler.cli.progress import counting
 
 if TYPE_CHECKING:
     pass
@@ -73,7 +71,7 @@ def command(**options: Any) -> None:
         add_input("the scenario", path)
     for path in Store(campaign, out).files():
         add_input("the campaign's store", path)
-    with _progress(scenario.name) as progress:
+    with counting(scenario.name, "runs") as progress:
         results = campaigns.campaign(
             campaign, out, workers=options["workers"], scheduler=options["scheduler"],
             progress=progress,
@@ -84,37 +82,3 @@ def command(**options: Any) -> None:
     draw(results, options["report_to"])
     if wants_text():
         echo(results)
-
-
-@contextmanager
-def _progress(name: str) -> Iterator[Callable[[int, int], None] | None]:
-    """Give a bar on standard error where a person watches."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("runs"),
-        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
-        console=Console(stderr=True), transient=True,
-    ) as bar:  # fmt: skip
-        task = bar.add_task(name, total=None)
-        begun: list[int] = []
-
-        def tell(done: int, total: int) -> None:
-            if not begun:
-                # What an earlier start has done says nothing of the speed of this one.
-                begun.append(done)
-                bar.reset(task, total=total, completed=done)
-            bar.update(task, total=total, completed=done)
-
-        yield tell

@@ -10,12 +10,14 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from logging import getLogger
 from typing import Any
 
 import click
 
 from schuler._files import check_target, is_special
 from schuler.cli.parameters import InputFile, OutputFile
+from schuler.cli.progress import quiet_option
 from schuler.cli.provenance import again_option, options_again, provenance
 from schuler.errors import InputError, printable
 
@@ -167,7 +169,7 @@ class Command(click.Command):
         self._repeats = any(param.name == "json_to" for param in self.params)
         if self._repeats:
             self.params.append(again_option())
-        self.params.append(debug_option())
+        self.params += [quiet_option(), debug_option()]
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Take what the result of ``--again`` was made by as defaults."""
@@ -203,9 +205,12 @@ class Command(click.Command):
                     files.add_input(f"{label} (its mapping)", f"{path}.toml")
         for label, path, _ in self._named(ctx, OutputFile):
             files.add_output(label, path)
+        log = getLogger("schuler.cli")
+        log.info("%s: reads %s", ctx.command_path, [path for _, path in files.inputs])
         try:
             yield
         finally:
+            log.info("%s: ends", ctx.command_path)
             for path in files.written():
                 echo(f"wrote {path}", err=True)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +13,7 @@ from schuler.cli.command import echo, made_by
 from schuler.cli.completion import files
 from schuler.cli.drawing import draw, draws, report_option
 from schuler.cli.parameters import InputFile, Number, OutputFile, RecordTime, Seconds
+from schuler.cli.progress import shares
 from schuler.cli.run_file import mapping_of_run, note_mapping, save_run
 from schuler.errors import InputError
 
@@ -294,45 +294,28 @@ def site_or_none(options: dict[str, Any], source: Source | None = None) -> Site 
 @contextmanager
 def progress(source: Source, chunks: Iterable[ImuRecord]) -> Iterator[Iterator[ImuRecord]]:
     """Pass chunks on, with a bar on standard error when a person watches and it takes long."""
-    if not sys.stderr.isatty() or (source.size or 0) < 30_000_000:
+    if (source.size or 0) < 30_000_000:
         yield iter(chunks)
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    with shares("reading") as tell:
 
-    with Progress(
-        TextColumn("reading"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    ) as bar:
-        task = bar.add_task("reading", total=1.0)
-
-        def watched() -> Iterator[ImuRecord]:
+        def passed_on() -> Iterator[ImuRecord]:
             for chunk in chunks:
                 yield chunk
-                bar.update(task, completed=source.progress)
+                if tell is not None:
+                    tell(source.progress or 0.0)
 
-        yield watched()
+        yield passed_on()
 
 
 @contextmanager
 def working(what: str, samples: int) -> Iterator[Callable[[float], None] | None]:
     """Give a function that shows a share of work as a bar, when a person watches and it is long."""
-    if not sys.stderr.isatty() or samples < _LONG_WORK:
+    if samples < _LONG_WORK:
         yield None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    with Progress(
-        TextColumn(what), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
-        TimeRemainingColumn(), console=Console(stderr=True), transient=True,
-    ) as bar:  # fmt: skip
-        task = bar.add_task(what, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+    with shares(what) as tell:
+        yield tell
 
 
 class Look:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import click
@@ -24,6 +23,7 @@ from schuler.cli.common import (
 )
 from schuler.cli.completion import methods, prefilters, specs
 from schuler.cli.parameters import Seconds
+from schuler.cli.progress import counting
 from schuler.errors import InputError
 
 __all__ = ["command"]
@@ -109,14 +109,14 @@ def command(**options: Any) -> int:
     with progress(source, source.chunks(start=start, stop=stop)) as chunks:
         record = ImuRecord.concatenate(list(look.through(chunks)), quality=source.quality)
 
-    def show(text: str) -> None:
-        click.echo(f"\r\x1b[K{text}", err=True, nl=False)
+    with counting("comparing", "methods") as tell:
+        begun: list[str] = []
 
-    found = compare(
-        record, site, spec, pairs, window=window, progress=show if sys.stderr.isatty() else None
-    )
-    if sys.stderr.isatty():
-        click.echo("\r\x1b[K", err=True, nl=False)
+        def show(text: str) -> None:
+            tell(len(begun), len(pairs), text)
+            begun.append(text)
+
+        found = compare(record, site, spec, pairs, window=window, progress=show)
     found = replace(
         found, contradictions=(*source.contradictions, *found.contradictions),
         read_as=source.meaning, assumed=tuple(source.assumed),

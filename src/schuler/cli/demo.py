@@ -32,7 +32,11 @@ def command(out: str, seed: int, minutes: float) -> None:
     """Simulate a truck with its crew at work, find north, compare with the truth, draw a report.
 
     A navigation-grade fibre-optic unit at 100 Hz; everything is made on this machine.
-    """
+
+    \b
+      schuler demo
+      schuler demo --out here --minutes 2 --seed 7
+    """  # noqa: D301
     import numpy as np
 
     import schuler as sc

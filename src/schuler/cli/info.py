@@ -49,7 +49,12 @@ def command(**options: Any) -> None:
 
     Units and axes that look wrong are said, with what would fit. Of GNSS fixes it says rate, gaps,
     quality, what heights are above, and how positions agree with velocities.
-    """
+
+    \b
+      schuler info truck.csv --gyro deg/s --accel g --axes FRD --lat 48.1
+      schuler info car.pos
+      schuler info records/ --lat 48.1 --report records.html
+    """  # noqa: D301
     from schuler.io import aid_kind
     from schuler.record import Summariser
 

@@ -11,11 +11,10 @@ from __future__ import annotations
 import io
 import json
 import os
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, as_completed
-from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ import click
 from schuler._files import replacing
 from schuler.cli.command import CONTRADICTED, Command, echo
 from schuler.cli.parameters import Count
+from schuler.cli.progress import counting
 from schuler.cli.provenance import digest, said_options
 from schuler.errors import InputError, SchulerError
 
@@ -58,7 +58,7 @@ class ManyCommand(Command):
                 help="With several records: a Dask cluster that sees the files, tcp://host:8786.",
             ),
         ):  # fmt: skip
-            self.params.insert(-2, option)
+            self.params.insert(-3, option)
 
     def again(self, options: dict[str, Any]) -> dict[str, Any]:
         """Take the record of a result as a list of one."""
@@ -69,7 +69,7 @@ class ManyCommand(Command):
         named = ctx.params["file"]
         to = ctx.params.get("json_to")
         lines = to is not None and to.lower().endswith(".jsonl")
-        if len(named) == 1 and not lines and not Path(named[0]).is_dir():
+        if len(named) == 1 and not lines and not _is_folder(named[0]):
             ctx.params["file"] = named[0]
             return super().invoke(ctx)
         for key in _OF_ONE:
@@ -91,6 +91,15 @@ def _keep(key: str) -> Callable[[click.Context, click.Parameter, Any], None]:
     return keep
 
 
+def _is_bag(path: Path) -> bool:
+    """Say whether a folder is a record: a bag of ROS 2 is one."""
+    return (path / "metadata.yaml").is_file()
+
+
+def _is_folder(name: str) -> bool:
+    return Path(name).is_dir() and not _is_bag(Path(name))
+
+
 def records_of(names: tuple[str, ...]) -> list[str]:
     """Return the files of names; a folder stands for the records in it, by their endings.
 
@@ -104,12 +113,12 @@ def records_of(names: tuple[str, ...]) -> list[str]:
     endings = {suffix for reader in readers().values() for suffix in reader.suffixes}
     out: list[str] = []
     for name in names:
-        if not Path(name).is_dir():
+        if not _is_folder(name):
             out.append(name)
             continue
         found = sorted(
             str(path) for path in Path(name).iterdir()
-            if path.is_file() and path.suffix.lower() in endings and not path.name.startswith(".")
+            if (_is_bag(path) or path.suffix.lower() in endings) and not path.name.startswith(".")
         )  # fmt: skip
         if not found:
             raise InputError(f"{name}: holds no record ({', '.join(sorted(endings))})")
@@ -167,11 +176,12 @@ def _run_many(command: Command, ctx: click.Context, paths: list[str], to: str | 
     store = _Store(to, name, options)
     done = {path: line for path in paths if (line := store.known(path)) is not None}
     left = [path for path in paths if path not in done]
-    with store.open() as keep, _bar(name, len(paths), len(done)) as tell:
+    with store.open() as keep, counting(name, "records") as tell:
+        tell(len(done), len(paths))
         for line in _lines(ctx, name, left, options):
             done[line["file"]] = line
             keep(line)
-            tell()
+            tell(len(done), len(paths), line["file"])
     found = Overview(name, tuple(done[path] for path in paths))
     store.finish([done[path] for path in paths])
     if found.failed == len(paths):
@@ -284,27 +294,3 @@ def _text(line: Line) -> str:
 
 def _as_json(options: dict[str, Any]) -> Any:
     return json.loads(json.dumps(options))
-
-
-@contextmanager
-def _bar(name: str, total: int, done: int) -> Iterator[Callable[[], None]]:
-    """Give a function to call once a record, which moves a bar where a person watches."""
-    if not sys.stderr.isatty():
-        with nullcontext():
-            yield lambda: None
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    with Progress(
-        TextColumn(f"{name}: {{task.completed}} of {{task.total}} records"), BarColumn(),
-        MofNCompleteColumn(), TimeRemainingColumn(), console=Console(stderr=True), transient=True,
-    ) as bar:  # fmt: skip
-        task = bar.add_task(name, total=total, completed=done)
-        yield lambda: bar.advance(task)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from contextlib import nullcontext
 from functools import partial
 from typing import Any
@@ -13,6 +12,7 @@ from schuler.cli.command import Group, echo, wants_text
 from schuler.cli.common import draw, emit_json, json_option, report_option
 from schuler.cli.completion import specs
 from schuler.cli.parameters import Count, InputFile, Number, Seconds
+from schuler.cli.progress import status
 from schuler.errors import InputError
 
 __all__ = ["command"]
@@ -130,11 +130,6 @@ def centrifuge(**options: Any) -> None:
         plant, counts[0], options["dwell"], Objective(options["objective"]), limits,
         options["method"],
     )  # fmt: skip
-    shown = sys.stderr.isatty()
-
-    def say(text: str) -> None:
-        if shown:
-            click.echo(f"\r\x1b[K{text}", nl=False, err=True)
 
     def progress(count: int, seconds: float, best: float, spent: int) -> None:
         say(
@@ -156,7 +151,7 @@ def centrifuge(**options: Any) -> None:
         hired: Any = cluster_executor(options["scheduler"])
     else:
         hired = nullcontext()
-    with hired as executor:
+    with hired as executor, status("planning") as say:
         if len(counts) == 1:
             found = [
                 plan(problem, executor=executor, progress=partial(progress, counts[0]), **settings)
@@ -173,7 +168,6 @@ def centrifuge(**options: Any) -> None:
                 workers=options["workers"], executor=executor,
                 progress=lambda name: say(f"for the table: the best by {name}"),
             )  # fmt: skip
-    say("")
     if options["json_to"] is not None:
         data = found[0].to_dict() if len(found) == 1 else {
             "schema": "schuler.plan-trade/1", "plans": [p.to_dict() for p in found]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,16 +10,20 @@ import click
 from schuler.cli.command import Group, echo, wants_text
 from schuler.cli.common import draw, emit_json, json_option, report_option
 from schuler.cli.parameters import Count
+from schuler.cli.progress import counting
 
 __all__ = ["command"]
 
 
 def check_name(name: str, known: Sequence[str], more: str) -> None:
     """Refuse a name that no experiment has."""
-    from schuler.errors import InputError
+    from schuler.errors import InputError, near
 
     if name not in known:
-        raise InputError(f"'{name}' is no published experiment; there are {', '.join(known)}{more}")
+        raise InputError(
+            f"'{name}'{near(name, known)} is no published experiment; there are "
+            f"{', '.join(known)}{more}"
+        )
 
 
 @click.group("published", cls=Group)
@@ -37,7 +40,11 @@ def command() -> None:
 
 @command.command("list")
 def list_() -> None:
-    """Say which experiments there are, and where they were published."""
+    """Say which experiments there are, and where they were published.
+
+    \b
+      schuler published list
+    """  # noqa: D301
     from schuler.published import EXPERIMENTS, conditions
 
     width = max(map(len, EXPERIMENTS))
@@ -49,7 +56,11 @@ def list_() -> None:
 @command.command("conditions")
 @click.argument("name")
 def conditions_(name: str) -> None:
-    """Say which conditions of the experiment NAME can be set, and what they are."""
+    """Say which conditions of the experiment NAME can be set, and what they are.
+
+    \b
+      schuler published conditions guo2015
+    """  # noqa: D301
     import json
 
     from schuler.published import EXPERIMENTS, changeable
@@ -86,7 +97,12 @@ def run_(
     name: str, runs: int | None, seed: int, workers: int | None, overrides: tuple[str, ...],
     json_to: str | None, report_to: str | None,
 ) -> None:  # fmt: skip
-    """Redo the experiment NAME, several with commas, or all."""
+    """Redo the experiment NAME, several with commas, or all.
+
+    \b
+      schuler published run guo2015 --report guo2015.html
+      schuler published run yu_emd --set site.lat=50
+    """  # noqa: D301
     from schuler.config import parse_overrides
     from schuler.published import EXPERIMENTS, Options, conditions, run, to_dict
 
@@ -97,20 +113,13 @@ def run_(
     changes = parse_overrides(overrides)
     for each in names:
         conditions(each, changes.items())  # a condition that is not there is said before the work
-    shown = sys.stderr.isatty()
     found = []
     for each in dict.fromkeys(names):
-
-        def progress(done: int, of: int, each: str = each) -> None:
-            if shown:
-                click.echo(f"\r\x1b[K{each}: {done} of {of}", err=True, nl=False)
-
         options: dict[str, Any] = {
             "runs": runs, "seed": seed, "workers": workers, "changes": changes,
         }  # fmt: skip
-        found.append(run(each, progress=progress, **options))
-        if shown:
-            click.echo("\r\x1b[K", err=True, nl=False)
+        with counting(each, "jobs") as progress:
+            found.append(run(each, progress=progress, **options))
         if wants_text():
             echo(("" if len(found) == 1 else "\n") + str(found[-1]))
     if json_to is not None:

@@ -96,7 +96,12 @@ def run(**options: Any) -> None:
 @click.option("--dwell", type=Seconds(0.0, 1e6), metavar="TIME", help="Of a named scheme.")
 @json_option("Write the averages as JSON (- : here).")
 def scheme_residual(**options: Any) -> None:
-    """Say what a scheme leaves of each error on average."""
+    """Say what a scheme leaves of each error on average.
+
+    \b
+      schuler rotation residual reciprocating --rate 6 --lat 34.2
+      schuler rotation residual mine.toml --json -
+    """  # noqa: D301
     from schuler.modulation import scheme_residual as average
     from schuler.motion import SCHEMES, Limits, load_scheme, named_scheme
 
@@ -166,7 +171,11 @@ def scheme_residual(**options: Any) -> None:
 @click.option("--tries", type=Count(1, 100_000), default=400, show_default=True)
 @click.option("--out", "out_to", type=OutputFile(".toml"), metavar="TOML", help="Write the scheme.")
 def optimise(**options: Any) -> None:
-    """Search for the order of half turns about two axes that leaves the least drift."""
+    """Search for the order of half turns about two axes that leaves the least drift.
+
+    \b
+      schuler rotation optimise --turns 16 --scale "20 ppm" --out best.toml
+    """  # noqa: D301
     import numpy as np
 
     from schuler.constants import DEG_PER_HOUR

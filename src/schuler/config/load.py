@@ -41,6 +41,11 @@ def load_scenario(path: str | Path, overrides: Mapping[str, Any] | None = None) 
     InputError
         With the file, the line, the key and what was expected there; of several errors the
         first, with how many more there are.
+
+    Examples
+    --------
+    >>> sc.load_scenario("truck.toml").duration
+    60.0
     """
     path = Path(path)
     try:

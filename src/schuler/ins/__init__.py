@@ -8,6 +8,7 @@ to aids are estimate minus truth; what belongs to the sensors is truth minus est
 of it.
 """
 
+from schuler.ins.custom import CustomMeasurement, State
 from schuler.ins.dynamics import (
     SOURCES,
     GroupNoise,
@@ -19,20 +20,17 @@ from schuler.ins.dynamics import (
 from schuler.ins.epoch_states import EpochStates, SampleStates
 from schuler.ins.filter import ErrorStateFilter
 from schuler.ins.layout import Layout
+from schuler.ins.measurement import Handling, Measurement
 from schuler.ins.measurements import (
     Attitude,
     BodyVelocity,
     ConstantBase,
-    CustomMeasurement,
-    Handling,
     Heading,
     Height,
-    Measurement,
     NonHolonomic,
     OutputEpoch,
     Position,
     Rate,
-    State,
     Velocity,
     ZeroDisplacement,
     ZeroForce,

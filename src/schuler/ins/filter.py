@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.attitude import nearest_quat
 from schuler.earth import Site
 from schuler.errors import InputError
+from schuler.ins.custom import CustomMeasurement, State
 from schuler.ins.dynamics import ProcessNoise
 from schuler.ins.late import Chunk, LatencyWindow, Span
 from schuler.ins.layout import Layout
-from schuler.ins.measurements import CustomMeasurement, Measurement, State, handled
+from schuler.ins.measurement import Measurement, handled
 from schuler.ins.result import EpochHistory
 from schuler.ins.smoother import Epochs, Smoothed, smoothed
 from schuler.kernels import ins_layout as kernel

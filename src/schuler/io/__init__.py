@@ -13,6 +13,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from schuler.errors import expect
 from schuler.io.aid_kind import AID_KINDS, aid_kind
 from schuler.io.aid_tables import read_dvl, read_heading, read_height
 from schuler.io.aiding import read_gnss, read_speed
@@ -94,6 +95,12 @@ def open_source(
     ------
     InputError
         If the file cannot be opened or understood.
+
+    Examples
+    --------
+    >>> source = sc.open_source("imu.csv")
+    >>> sum(len(chunk) for chunk in source.chunks())
+    1200
     """
     if mapping is not None and not isinstance(mapping, Mapping):
         mapping = Mapping.from_toml(mapping)
@@ -134,7 +141,13 @@ def read(
     InputError
         If the file cannot be opened or understood, or a row cannot be used: one sentence with
         the file, the row, its time and what to do.
+
+    Examples
+    --------
+    >>> len(sc.read("imu.csv")), len(sc.read("imu.csv", start=10.0, stop=20.0))
+    (1200, 200)
     """
+    expect(path, (str, Path), "path", "a table in memory is read by schuler.io.from_pandas")
     Span.of(start, stop)  # a bad one is said before the file is opened
     source = open_source(
         path, mapping, max_gap=max_gap, keep_spikes=keep_spikes, **mapping_overrides

@@ -103,6 +103,12 @@ def read_gnss(
     ------
     InputError
         If the file cannot be read, or lacks time or position.
+
+    Examples
+    --------
+    >>> gnss = sc.read_gnss("gnss.csv", sigma=3.0, v_sigma=0.1, lever=(0.0, 1.0, 0.5))
+    >>> len(gnss.time)
+    59
     """
     if height not in _ABOVE:
         raise InputError(f"height must be ellipsoid or geoid, got '{height}'")
@@ -251,6 +257,12 @@ def read_speed(
     ------
     InputError
         If the file cannot be read, or lacks time or speed.
+
+    Examples
+    --------
+    >>> odometer = sc.read_speed("speed.csv", sigma=0.05)
+    >>> len(odometer.time)
+    61
     """
     path = Path(path)
     with local_file(path) as there:

@@ -20,6 +20,12 @@ from schuler.errors import InputError
 __all__ = ["RFU", "Axes", "parse_axes"]
 
 _LETTERS = {"R": (0, 1), "L": (0, -1), "F": (1, 1), "B": (1, -1), "U": (2, 1), "D": (2, -1)}
+_OF_THE_EARTH = {
+    "NED": ("FRD", "forward, y right, z down"), "ENU": ("RFU", "right, y forward, z up"),
+    "NWU": ("FLU", "forward, y left, z up"), "SEU": ("BRU", "backward, y right, z up"),
+}  # fmt: skip
+"""Frames that are named in the place of axes: what the instrument's would be, by their likeness."""
+
 _SIGNED = re.compile(r"\s*([+-]?)\s*([xyz])\s*,?", re.IGNORECASE)
 
 
@@ -74,6 +80,12 @@ def parse_axes(text: str) -> Axes:
         terms = _SIGNED.findall(text)
         whole = "".join(m.group(0) for m in _SIGNED.finditer(text))
         if len(terms) != 3 or whole.strip() != text.strip() or text.rstrip().endswith(","):
+            frame = _OF_THE_EARTH.get(plain)
+            if frame is not None:
+                raise InputError(
+                    f"axes '{text}' are those of the Earth (north, east, up); the instrument's "
+                    f"own are meant: {frame[0]} if x points {frame[1]}"
+                )
             raise InputError(
                 f"axes '{text}' are not understood: say where the file's x, y, z point with three "
                 "letters of R/L, F/B, U/D (FRD is x forward, y right, z down), or what right, "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from schuler.errors import InputError
+from schuler.errors import InputError, near
 from schuler.io.mapping import SKIP, Mapping
 from schuler.io.names import axes_mark, read_name, second_part, split_unit, time_rank
 
@@ -191,7 +191,8 @@ def _picked(names: Sequence[str], columns: Sequence[str | int], mapping: Mapping
             )
         if not hits:
             raise InputError(
-                f"column '{entry}' is not in the file; its columns are {_listing(names)}"
+                f"column '{entry}'{near(entry, names)} is not in the file; its columns are "
+                f"{_listing(names)}"
             )
         if len(hits) > 1:
             raise InputError(

@@ -99,6 +99,12 @@ class Mapping:
     ------
     InputError
         For a value that cannot be meant.
+
+    Examples
+    --------
+    >>> mapping = sc.Mapping(gyro="deg/s", accel="g", axes="FRD")
+    >>> mapping.axes
+    'FRD'
     """
 
     columns: tuple[str | int, ...] | None = None

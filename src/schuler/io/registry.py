@@ -7,7 +7,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
-from schuler.errors import InputError
+from schuler.errors import InputError, near
 from schuler.io.content import Reader
 
 __all__ = ["find_reader", "readers", "register"]
@@ -83,7 +83,9 @@ def find_reader(path: Path, head: bytes, name: str | None = None) -> Reader:
     if name is not None:
         known = readers()
         if name not in known:
-            raise InputError(f"format: unknown reader '{name}'; known: {', '.join(known)}")
+            raise InputError(
+                f"format: unknown reader '{name}'{near(name, known)}; known: {', '.join(known)}"
+            )
         return known[name]
     own = [*_registered.values(), *_built_in().values()]
     suffix = path.suffix.lower()

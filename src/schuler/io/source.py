@@ -6,6 +6,7 @@ import sys
 import time as wall
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from logging import getLogger
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,8 @@ __all__ = ["FOLDER_MAPPING", "Source"]
 FOLDER_MAPPING = "schuler-mapping.toml"
 
 #: what a ROS 2 bag's folder is known by; its beginning stands for the folder's
+log = getLogger("schuler.io")
+
 _BAG = "metadata.yaml"
 _HEAD = 1 << 16
 _LONG_HEAD = 1 << 20
@@ -143,6 +146,7 @@ class Source:
         self.contradictions: list[str] = []
         self.position = content.position
         self.rows = content.rows
+        log.debug("%s: %s; %s", self._label, self.format, self.meaning)
 
     def __repr__(self) -> str:
         return f"Source({self._label!r}, {self.format}: {self.meaning})"

@@ -101,6 +101,11 @@ def read_trajectory(path: str | Path, layout: str | None = None) -> Trajectory:
     ------
     InputError
         If the file cannot be read, lacks time or position, or has no two rows.
+
+    Examples
+    --------
+    >>> len(sc.read_trajectory("path.csv").time)
+    61
     """
     path = Path(path)
     try:

@@ -99,13 +99,9 @@ def write_trajectory(
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from schuler.io import read_trajectory, write_trajectory
-    >>> from schuler.trajectory import Trajectory
-    >>> still = Trajectory(np.arange(3.0), np.full(3, 0.6), np.full(3, 1.9), np.full(3, 380.0))
-    >>> write_trajectory(still, "still.csv")  # doctest: +SKIP
-    >>> len(read_trajectory("still.csv"))  # doctest: +SKIP
-    3
+    >>> sc.write_trajectory(made.truth, "truth.csv")
+    >>> len(sc.read_trajectory("truth.csv").time)
+    1201
     """
     path = Path(path)
     kind = _kind_of(path, layout)

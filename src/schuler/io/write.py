@@ -55,6 +55,12 @@ def write(
     InputError
         If the suffix is unknown, the file exists and must not be replaced, the record is empty
         or has not three gyros or more, or the file cannot be written.
+
+    Examples
+    --------
+    >>> sc.write(record, "again.parquet")
+    >>> len(sc.read("again.parquet"))
+    1200
     """
     path = Path(path)
     writers = _LAYOUTS.get(layout)

@@ -210,7 +210,16 @@ def _arrivals(rng: np.random.Generator, per_minute: float, duration: float) -> l
 
 
 def quiet_crew() -> Crew:
-    """Return a vehicle left alone, engine off: wind only."""
+    """Return a vehicle left alone, engine off: wind only.
+
+    Examples
+    --------
+    >>> from schuler.motion import DisturbedVehicle, quiet_crew
+    >>> rng = np.random.default_rng(0)
+    >>> truck = DisturbedVehicle.with_crew(rng, 60.0, quiet_crew(), heading=30.0)
+    >>> len(sc.simulate(truck, site, 60.0, 20.0, spec, rng).record)
+    1200
+    """
     return Crew(
         idle_g=0.0, wind_deg=0.01, moving_deg=0.0, moving_mm=0.0,
         boarding_per_minute=0.0, slams_per_minute=0.0,

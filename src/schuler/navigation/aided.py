@@ -110,6 +110,13 @@ def navigate_aided(
     ------
     InputError
         If fixes and record have no common span, or show no start.
+
+    Examples
+    --------
+    >>> from schuler.navigation import AidingOptions, navigate_aided
+    >>> path = navigate_aided(drive, gnss, spec=spec, options=AidingOptions(smooth=True)).path
+    >>> path.quat_nb.shape[1]
+    4
     """
     options = options or AidingOptions()
     record, gnss = common_span(record, gnss)

@@ -15,6 +15,7 @@ from schuler.attitude import multiply, quat_to_matrix, rotvec_to_quat
 from schuler.earth import moved, radii
 from schuler.errors import InputError
 from schuler.ins import EpochStates, ErrorStateFilter, Measurement
+from schuler.ins.frames import east_angle
 from schuler.kernels.states import ErrorStates
 from schuler.navigation.aid_estimates import WITHHELD, estimate_rows, estimates, levers
 from schuler.navigation.lever import at_lever, rates
@@ -62,7 +63,8 @@ class AidedNavigation(Result):
     epochs : EpochStates
         From which `at_samples` follows.
     covariances : (n, 9, 9) float64 or None
-        Of attitude, velocity and position at each row of `path`, where it was smoothed.
+        Of attitude, velocity and position, East-North-Up, at each row of `path`, where it was
+        smoothed.
     levers : dict of str to array
         Lever arm (3,) of each aid of a point of the body, estimated where it was, m.
     """
@@ -135,7 +137,8 @@ class AidedNavigation(Result):
         """Return the path of another point of the body: an antenna, the rear axle.
 
         Its velocity is that of the IMU and w x l, with the body's rate from the attitudes at the
-        samples. It has no variances.
+        samples. It has variances where the navigation was smoothed; between epochs covariances
+        are interpolated.
 
         Parameters
         ----------
@@ -158,9 +161,18 @@ class AidedNavigation(Result):
         if every is None:
             at = self.path.time
             between = np.column_stack([np.interp(at, whole.time, column) for column in rate_n.T])
-            return at_lever(self.path, lever, between)
+            return at_lever(self.path, lever, between, self.covariances)
         rows = slice((len(whole) - 1) % every, None, every)
-        return at_lever(whole.rows(rows), lever, rate_n[rows])
+        part = whole.rows(rows)
+        return at_lever(part, lever, rate_n[rows], self._covariances_at(part.time))
+
+    def _covariances_at(self, time: Array) -> Array | None:
+        if self.covariances is None:
+            return None
+        at = self.path.time
+        columns = self.covariances.reshape(len(at), -1).T
+        table = np.column_stack([np.interp(time, at, column) for column in columns])
+        return table.reshape(len(time), *self.covariances.shape[1:])
 
     @property
     def consistent(self) -> bool:
@@ -223,7 +235,7 @@ def finished(
     if flt.smooths:
         smoothed = flt.smoothed()
         path = _smoothed_path(flt, smoothed, record.name)
-        covariances = smoothed.covariance[1:, :9, :9].copy()
+        covariances = _in_level_axes(smoothed.covariance[1:, :9, :9], history.quat_ne)
     innovations = {}
     counts: dict[str, int] = {}
     refused: dict[str, int] = {}
@@ -260,14 +272,14 @@ def finished(
     )  # fmt: skip
 
 
-def _east(quat_ne: Array) -> tuple[Array, Array, Array]:
-    """Return latitude, longitude, and the angle from east to the frame's x axis, rad."""
-    frame = quat_to_matrix(quat_ne)
-    up = frame[:, :, 2]
-    lat, lon = np.arctan2(up[:, 2], np.hypot(up[:, 0], up[:, 1])), np.arctan2(up[:, 1], up[:, 0])
-    east = np.column_stack([-np.sin(lon), np.cos(lon), np.zeros_like(lon)])
-    x, y = np.einsum("ia,ia->i", frame[:, :, 0], east), np.einsum("ia,ia->i", frame[:, :, 1], east)
-    return lat, lon, np.arctan2(y, x)
+def _in_level_axes(covariances: Array, quat_ne: Array) -> Array:
+    """Return covariances (n, 9, 9) of the wander frame in East-North-Up."""
+    _, _, angle = east_angle(quat_ne)
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.tile(np.eye(9), (len(angle), 1, 1))
+    for k in (0, 3, 6):
+        turn[:, k, k], turn[:, k, k + 1], turn[:, k + 1, k], turn[:, k + 1, k + 1] = c, s, -s, c
+    return np.asarray(turn @ covariances @ turn.transpose(0, 2, 1))
 
 
 def _turned(vector: Array, angle: Array) -> Array:
@@ -286,7 +298,7 @@ def _path(
 
     `covariance` is that of the error states at the end, in that frame.
     """
-    lat, lon, angle = _east(quat_ne)
+    lat, lon, angle = east_angle(quat_ne)
     turn = np.zeros((len(time), 3))
     turn[:, 2] = -angle
     quat_nb = multiply(rotvec_to_quat(turn), quat)

@@ -29,7 +29,14 @@ NAUTICAL_MILE = 1852.0
 
 
 def cep(errors: ArrayLike) -> float:
-    """Return the circular error probable: the median length of (n, 2) horizontal errors, m."""
+    """Return the circular error probable: the median length of (n, 2) horizontal errors, m.
+
+    Examples
+    --------
+    >>> from schuler.navigation import cep
+    >>> float(cep(np.array([[3.0, 4.0], [0.0, 1.0], [0.0, 2.0]])))
+    2.0
+    """
     e = np.asarray(errors, np.float64)
     if e.ndim != 2 or e.shape[1] != 2 or not len(e):
         raise InputError(f"expected errors of shape (n, 2), got {e.shape}")
@@ -230,6 +237,12 @@ def evaluate(path: Trajectory, reference: Trajectory) -> Evaluation:
     ------
     InputError
         If the two have no time in common, or the path lacks velocity or attitude.
+
+    Examples
+    --------
+    >>> path = sc.navigate(record, sc.Start.from_angles(site, heading=30.0))
+    >>> bool(np.abs(sc.evaluate(path, made.truth).position).max() < 50.0)
+    True
     """
     from scipy.interpolate import CubicHermiteSpline
 

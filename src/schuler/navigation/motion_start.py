@@ -77,6 +77,13 @@ def motion_start(
     ------
     InputError
         If the vehicle does not move, or no acceleration shows the heading.
+
+    Examples
+    --------
+    >>> from schuler.navigation import motion_start
+    >>> found = motion_start(drive, gnss, spec)
+    >>> bool(found.sigma[2] < np.deg2rad(5.0))
+    True
     """
     bias = np.zeros(3) if gyro_bias is None else gyro_bias
     time = np.asarray(fixes.time) - fixes.delay

@@ -87,6 +87,12 @@ class Start:
         East, north, up, m/s.
     covariance : (9, 9) array_like, optional
         Of phi (rad), velocity (m/s) and position (m), in ENU; zero when not given.
+
+    Examples
+    --------
+    >>> start = sc.Start.from_angles(site, heading=90.0, velocity=(10.0, 0.0, 0.0))
+    >>> start.v_n
+    (10.0, 0.0, 0.0)
     """
 
     site: Site
@@ -129,8 +135,9 @@ class Start:
 
         Examples
         --------
-        >>> Start.from_alignment(site, fix)  # doctest: +SKIP
-        >>> Start.from_alignment(moving)  # doctest: +SKIP
+        >>> start = sc.Start.from_alignment(site, sc.align(record, site, spec=spec))
+        >>> start.covariance.shape
+        (9, 9)
         """
         if isinstance(site, MovingFix):
             return cls(site.site, site.quat_nb, site.v_n, site.start_covariance)
@@ -196,6 +203,13 @@ class Navigator:
     ------
     InputError
         For an option that cannot be meant.
+
+    Examples
+    --------
+    >>> start = sc.Start.from_angles(site, heading=30.0)
+    >>> path = sc.Navigator(start, every=20).update(record).path()
+    >>> len(path.time)
+    61
     """
 
     def __init__(

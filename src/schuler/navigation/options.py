@@ -116,6 +116,12 @@ def parse_vertical(text: str | Vertical | None) -> Vertical:
     ------
     InputError
         If it is none of them.
+
+    Examples
+    --------
+    >>> from schuler.navigation import parse_vertical
+    >>> parse_vertical("free")
+    Vertical(mode='free', height=None, time_constant=30.0)
     """
     if isinstance(text, Vertical):
         return text

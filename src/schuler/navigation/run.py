@@ -113,8 +113,11 @@ them
 
     Examples
     --------
-    >>> path = navigate(record, Start.from_angles(site, heading=40.0))  # doctest: +SKIP
-    >>> drive = navigate(record, aiding=[gnss, odometer], smooth=True)  # doctest: +SKIP
+    >>> path = sc.navigate(record, sc.Start.from_angles(site, heading=30.0))
+    >>> path.quat_nb.shape
+    (1201, 4)
+    >>> sc.navigate(drive, aiding=gnss, spec=spec, smooth=True).consistent
+    True
     """
     expect(record, ImuRecord, "record", "read a file with schuler.read")
     begin = None if start is None and aiding is not None else _start(start, fix, velocity)

@@ -69,6 +69,12 @@ class Chain(Prefilter):
     ----------
     filters : tuple of Prefilter
         In the order in which they are applied.
+
+    Examples
+    --------
+    >>> chain = sc.LowPass(cutoff=0.1) | sc.Gate(width=0.003)
+    >>> len(chain.filters)
+    2
     """
 
     filters: tuple[Prefilter, ...]

@@ -94,6 +94,13 @@ def decompose(
     ------
     InputError
         For a bad series or option.
+
+    Examples
+    --------
+    >>> from schuler.prefilter import decompose
+    >>> x = np.sin(np.arange(500) / 20.0) + 0.2 * np.sin(np.arange(500) / 2.0)
+    >>> bool(np.allclose(decompose(x).sum(axis=0), x))
+    True
     """
     from schuler.kernels.sift import sift
 
@@ -260,6 +267,12 @@ class Emd(Prefilter):
         As in `split_index`.
     clean : int or "gap"
         Singular components of the Hankel matrix that are kept first (`Hankel`); 0 is none.
+
+    Examples
+    --------
+    >>> fix = sc.align(record, site, sc.Inertial("integral-triad", prefilter=sc.Emd()), spec)
+    >>> len(fix.warnings) >= 0
+    True
     """
 
     ends: str = "predict"

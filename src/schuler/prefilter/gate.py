@@ -29,6 +29,12 @@ class Gate(Prefilter):
         (equation 44), which biases what is left upwards.
     gravity : float, optional
         m/s^2; an alignment gives that of its site.
+
+    Examples
+    --------
+    >>> fix = sc.align(record, site, sc.Inertial("wahba", prefilter=sc.Gate(width=0.003)), spec)
+    >>> fix.consistent
+    True
     """
 
     width: float = 0.003

@@ -44,6 +44,12 @@ class LowPass(Prefilter):
     channels : {"accel", "gyro", "both"}
     frame : {"inertial", "body"}
         Where the force is filtered (`each_channel`).
+
+    Examples
+    --------
+    >>> slow = sc.LowPass(cutoff=0.1, zero_phase=True)
+    >>> sc.align(record, site, sc.Inertial("wahba", prefilter=slow), spec).consistent
+    True
     """
 
     cutoff: float = field(default=0.05, metadata={"unit": "frequency"})

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from typing import Any
 
-from schuler.errors import InputError
+from schuler.errors import InputError, near
 from schuler.published.result import (
     Curve,
     Experiment,
@@ -61,7 +61,10 @@ def run(
         For an unknown name, or options or conditions that cannot be.
     """
     if name not in EXPERIMENTS:
-        raise InputError(f"'{name}' is no published experiment; there are {', '.join(EXPERIMENTS)}")
+        raise InputError(
+            f"'{name}'{near(name, EXPERIMENTS)} is no published experiment; there are "
+            f"{', '.join(EXPERIMENTS)}"
+        )
     changed = tuple((changes or {}).items())
     conditions(name, changed)
     module = import_module(f"schuler.published.{name}")

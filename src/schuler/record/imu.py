@@ -58,6 +58,13 @@ class ImuRecord(Shown):
     Body axes are x right, y forward, z up (`schuler` docstring). Rates, units and other axes
     are converted once, by the readers or by `from_rates`, `from_mean_rates` and
     `from_increments`.
+
+    Examples
+    --------
+    >>> len(record), record.rate, record.duration
+    (1200, 20.0, 60.0)
+    >>> len(record.between(10.0, 20.0))
+    200
     """
 
     time: Array

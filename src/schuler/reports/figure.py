@@ -19,6 +19,9 @@ __all__ = ["Figure", "bar", "graph_objects", "heatmap", "scatter"]
 
 Trace = dict[str, Any]
 
+_SAME_DECADE, _NARROW = 4.0, 300.0
+"""Ratios below which a logarithmic axis is a linear one, and is marked at 1, 2 and 5."""
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -35,6 +38,11 @@ class Figure:
     data: list[Trace]
     layout: dict[str, Any]
 
+    @property
+    def empty(self) -> bool:
+        """Whether no trace has a point to show."""
+        return not any(_finite(trace.get("z", trace["y"])) for trace in self.data)
+
     def to_plotly(self) -> Any:
         """Return a `plotly.graph_objects.Figure`.
 
@@ -44,7 +52,18 @@ class Figure:
             If Plotly is not installed.
         """
         # The default template repeats itself in every figure: 7 kB that the page's style replaces.
-        return graph_objects().Figure(self.data, {"template": "none", **self.layout})
+        layout = {"template": "none", **self.layout}
+        for letter in "xy":
+            axis = layout.get(f"{letter}axis", {})
+            if axis.get("type") != "log" or "dtick" in axis or "range" in axis:
+                continue
+            span = _ratio(self.data, letter)
+            if span < _SAME_DECADE:
+                layout[f"{letter}axis"] = {**axis, "type": "linear"}
+            elif span < _NARROW:
+                # Powers of ten alone are too few marks: 1, 2 and 5 of each.
+                layout[f"{letter}axis"] = {**axis, "dtick": "D2"}
+        return graph_objects().Figure(self.data, layout)
 
     def to_csv(self) -> str:
         """Return what is drawn as a table: a row to each point, with the name of its trace."""
@@ -56,6 +75,21 @@ class Figure:
                 ",".join((name, *(_cell(value) for value in point))) for point in _points(trace)
             ]
         return "\n".join(lines) + "\n"
+
+
+def _finite(values: Any) -> bool:
+    """Say whether a row or a matrix has a number or a word."""
+    array = np.asarray(values, dtype=object).ravel()
+    return any(v is not None and not (isinstance(v, float) and np.isnan(v)) for v in array)
+
+
+def _ratio(data: list[Trace], letter: str) -> float:
+    """Return the largest over the smallest positive number along an axis, 1 where there is none."""
+    numbers = [
+        float(v) for trace in data for v in trace[letter] if isinstance(v, float | int | np.number)
+    ]
+    positive = [v for v in numbers if v > 0.0 and np.isfinite(v)]
+    return max(positive) / min(positive) if positive else 1.0
 
 
 def _title(layout: dict[str, Any], axis: str) -> str:

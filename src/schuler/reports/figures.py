@@ -144,12 +144,16 @@ def raw(summary: Summary, gravity: float) -> tuple[Any, Any]:
 
 
 def residuals(r: Residual, start: float) -> Any:
-    """Draw the residual velocity, east, north and up."""
+    """Draw the residual velocity: east, north, and up less its drift, which dwarfs the rest."""
+    mean = r.mean.copy()
+    mean[:, 2] -= np.polyval(np.polyfit(r.t, mean[:, 2], 1), r.t)
     layout = plot_layout(320, "time, s", "residual velocity, mm/s")
     return figure_of(
         [
-            line_of(start + r.t, 1e3 * r.mean[:, k], name, colour, hovertemplate="%{y:.3f} mm/s")
-            for k, (name, colour) in enumerate((("east", BLUE), ("north", ORANGE), ("up", GREEN)))
+            line_of(start + r.t, 1e3 * mean[:, k], name, colour, hovertemplate="%{y:.3f} mm/s")
+            for k, (name, colour) in enumerate(
+                (("east", BLUE), ("north", ORANGE), ("up, less a drift", GREEN))
+            )
         ],
         layout,
     )

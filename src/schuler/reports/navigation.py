@@ -10,6 +10,7 @@ import numpy as np
 from schuler.constants import ARCMIN
 from schuler.earth import radii
 from schuler.navigation import Evaluation, FreeNavigation
+from schuler.navigation.evaluate import NAUTICAL_MILE
 from schuler.reports.figures import (
     BLUE,
     GREEN,
@@ -58,8 +59,8 @@ def navigation_page(path: Trajectory, evaluation: Evaluation | None = None) -> P
     sub = f"{path.time[-1] - path.time[0]:.6g} s; no reference was given"
     if evaluation is not None:
         e = evaluation.to_dict()
-        value = f"{e['horizontal_m']:.4g} m off"
-        sub = (
+        value = f"{e['horizontal_m']:.4g} m off horizontally"
+        sub = _drift(evaluation) + (
             f"{path.time[-1] - path.time[0]:.6g} s against {escape(e['reference'])}: "
             f"{e['north_m']:.4g} m north, {e['east_m']:.4g} east, {e['up_m']:.4g} up; "
             f"{e['nmi_per_h']:.3g} nmi/h"
@@ -72,6 +73,15 @@ def navigation_page(path: Trajectory, evaluation: Evaluation | None = None) -> P
         f'<p class="value">{value}</p><p class="sub">{sub}.</p>'
     )
     return Page(f"Navigation: {path.name}", head, sections)
+
+
+def _drift(e: Evaluation) -> str:
+    """Return in words how far the path had drifted after an hour, where it lasts one."""
+    hours = (e.time - e.start) / 3600.0
+    if hours[-1] < 1.0:
+        return ""
+    drift = float(np.interp(1.0, hours, e.radial)) / NAUTICAL_MILE
+    return f"drift {drift:.3g} nmi in the first hour; "
 
 
 def free_page(found: FreeNavigation) -> Page:

@@ -21,13 +21,23 @@
     }
     return out;
   }
+  // A band that is faint on white is none on black.
+  function lit(data) {
+    if (!dark.matches) return data;
+    return data.map((trace) => {
+      const found = /^rgba\((\d+, ?\d+, ?\d+), ?([\d.]+)\)$/.exec(trace.fillcolor || "");
+      if (!found) return trace;
+      const alpha = Math.min(1, 2.2 * Number(found[2]));
+      return Object.assign({}, trace, { fillcolor: "rgba(" + found[1] + "," + alpha + ")" });
+    });
+  }
   const config = { responsive: true, displayModeBar: false };
   const figures = [];
   document.querySelectorAll('script[type="application/json"]').forEach((source) => {
     const target = document.getElementById(source.dataset.for);
     const figure = JSON.parse(source.textContent);
     figures.push([target, figure]);
-    Plotly.newPlot(target, figure.data, dress(figure.layout), config);
+    Plotly.newPlot(target, lit(figure.data), dress(figure.layout), config);
   });
   // Save a figure as a picture, or what it draws as a table.
   function offer(name, content, type) {
@@ -104,7 +114,8 @@
   // For tests: what the buttons would save.
   window.schulerFigures = { table, picture, figures };
   dark.addEventListener("change", () => {
-    figures.forEach(([target, figure]) => Plotly.react(target, figure.data, dress(figure.layout), config));
+    figures.forEach(([target, figure]) =>
+      Plotly.react(target, lit(figure.data), dress(figure.layout), config));
   });
   window.addEventListener("beforeprint", () => {
     figures.forEach(([target, figure]) => {
@@ -115,7 +126,7 @@
   window.addEventListener("afterprint", () => {
     figures.forEach(([target, figure]) => {
       const layout = Object.assign(dress(figure.layout), { width: null, autosize: true });
-      Plotly.react(target, figure.data, layout, config);
+      Plotly.react(target, lit(figure.data), layout, config);
     });
   });
   document.documentElement.dataset.drawn = String(figures.length);

@@ -6,6 +6,7 @@ Nothing is fetched: the drawing library is in the page. Text that comes from fil
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -17,6 +18,17 @@ from schuler._files import replacing
 from schuler.reports.figure import Figure, graph_objects
 
 __all__ = ["Drawing", "Page", "Section", "contradiction_box", "definition_table", "write_page"]
+
+
+_LONG = 4
+"""Sections from which a page has links to them."""
+
+_CELL = re.compile(r"<td>([^<]+)</td>")
+_SHORT = 36
+"""Characters of a cell that is not broken: a number with its unit, not a sentence."""
+
+_NUMBER = re.compile(r"(?<![\w.])-?\d[\d.]*e[-+]\d+")
+_SPAN = r'<span class="whole">\g<0></span>'
 
 
 @dataclass(frozen=True)
@@ -59,8 +71,8 @@ class Page:
 
     @property
     def drawings(self) -> list[Drawing]:
-        """All drawings, in their order."""
-        return [drawing for section in self.sections for drawing in section.drawings]
+        """All drawings that show something, in their order."""
+        return [d for section in self.sections for d in section.drawings if not d.figure.empty]
 
 
 def contradiction_box(contradictions: Sequence[str]) -> str:
@@ -78,6 +90,30 @@ def definition_table(rows: Iterable[tuple[str, str]], caption: str) -> str:
         for name, value in rows
     )
     return f"<table><caption>{escape(caption)}</caption><tbody>{body}</tbody></table>"
+
+
+def _contents(sections: Sequence[Section]) -> str:
+    """Return links to the sections of a page that is long."""
+    if len(sections) < _LONG:
+        return ""
+    links = "".join(
+        f'<a href="#section{count}">{escape(section.title)}</a>'
+        for count, section in enumerate(sections, 1)
+    )
+    return f'<nav aria-label="Sections">{links}</nav>'
+
+
+def _tables(html: str) -> str:
+    """Return HTML whose tables can be scrolled by themselves, and whose numbers stay whole."""
+    html = html.replace("<table", '<div class="table"><table').replace("</table>", "</table></div>")
+    return _CELL.sub(_whole, html)
+
+
+def _whole(cell: re.Match[str]) -> str:
+    """Return a table's cell so that it, or each number in it, is not broken across lines."""
+    if len(cell[1]) <= _SHORT:
+        return f'<td class="whole">{cell[1]}</td>'
+    return f"<td>{_NUMBER.sub(_SPAN, cell[1])}</td>"
 
 
 def _script_json(data: str) -> str:
@@ -110,9 +146,12 @@ def write_page(page: Page, path: str | Path) -> None:
     script = assets.joinpath("page.js").read_text(encoding="utf-8")
     parts: list[str] = []
     number = 0
-    for section in page.sections:
-        parts.append(f"<section><h2>{escape(section.title)}</h2>{section.html}")
+    for count, section in enumerate(page.sections, 1):
+        title = escape(section.title)
+        parts.append(f'<section><h2 id="section{count}">{title}</h2>{_tables(section.html)}')
         for drawing in section.drawings:
+            if drawing.figure.empty:
+                continue
             number += 1
             data = _script_json(drawing.figure.to_plotly().to_json())
             parts.append(
@@ -127,7 +166,7 @@ def write_page(page: Page, path: str | Path) -> None:
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<link rel="icon" href="data:,"><title>{escape(page.title)}</title>'
-        f"<style>{style}</style></head><body><header>{page.head_html}</header><main>"
+        f"<style>{style}</style></head><body><header>{page.head_html}{_contents(page.sections)}</header><main>"
         f"{''.join(parts)}</main><footer>schuler {escape(__version__)} · "
         "drag over a figure to zoom, double-click to return</footer>"
         f"<script>{library}</script><script>{script}</script></body></html>\n"

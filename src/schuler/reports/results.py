@@ -131,6 +131,11 @@ def report(result: object, path: str | Path, **details: Any) -> Path:
         If the file cannot be written, or it is no result.
     SchulerError
         If Plotly is not installed.
+
+    Examples
+    --------
+    >>> sc.report(sc.align(record, site, spec=spec), "fix.html").name
+    'fix.html'
     """
     write_page(page_of(result, **details), path)
     return Path(path)

@@ -51,6 +51,12 @@ class SensorArray:
     ------
     InputError
         For fewer than three sensors, directions that do not span the space, or bad numbers.
+
+    Examples
+    --------
+    >>> array = sc.SensorArray([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
+    >>> array.matrix.shape
+    (4, 3)
     """
 
     matrix: ArrayLike

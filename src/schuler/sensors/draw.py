@@ -64,6 +64,12 @@ def draw(part: GyroSpec | AccelerometerSpec, rng: np.random.Generator) -> Imperf
 
     Numbers are drawn in a fixed order whatever the specification holds, so that one more error
     type leaves the others' draws as they were.
+
+    Examples
+    --------
+    >>> from schuler.sensors import draw
+    >>> draw(spec.gyro, np.random.default_rng(0)).bias.shape
+    (3,)
     """
     z = rng.standard_normal((9, 3))
     # A rigid turn of the triad, then axes that lean towards one another.

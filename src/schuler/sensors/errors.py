@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from schuler._files import read_toml
-from schuler.errors import InputError
+from schuler.errors import InputError, near
 from schuler.units import parse, to_unit
 
 __all__ = ["GRADES", "AccelerometerSpec", "GyroSpec", "ImuSpec", "load_spec"]
@@ -183,7 +183,16 @@ def _spoken(value: float, unit: str) -> str:
 
 @dataclass(frozen=True)
 class ImuSpec:
-    """An instrument: its gyros, its accelerometers, its name and where the numbers come from."""
+    """An instrument: its gyros, its accelerometers, its name and where the numbers come from.
+
+    Examples
+    --------
+    >>> own = sc.ImuSpec.from_dict(
+    ...     {"gyro": {"bias": "0.01 deg/h"}, "accelerometer": {"bias": "50 ug"}}
+    ... )
+    >>> round(own.gyro.bias * 1e9, 3)
+    48.481
+    """
 
     gyro: GyroSpec
     accelerometer: AccelerometerSpec
@@ -332,6 +341,11 @@ def load_spec(spec: str | Path | ImuSpec | None) -> ImuSpec | None:
     ------
     InputError
         If it is neither a known grade nor a readable file.
+
+    Examples
+    --------
+    >>> sc.load_spec("tactical-fog").name
+    'tactical-fog'
     """
     if spec is None or isinstance(spec, ImuSpec):
         return spec
@@ -342,4 +356,5 @@ def load_spec(spec: str | Path | ImuSpec | None) -> ImuSpec | None:
         return ImuSpec.from_toml(text)
     raise InputError(
         f"'{text}' is neither a grade ({', '.join(GRADES)}) nor a TOML file with a specification"
+        + near(text, GRADES)
     )

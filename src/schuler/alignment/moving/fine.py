@@ -122,8 +122,13 @@ class FineAlignment:
     smoothed_heading: Array
 
 
-def run_pass(flt: ErrorStateFilter, record: ImuRecord, *, correct: bool = True) -> None:
-    """Feed a record; where that is allowed, correct the navigation once the heading is known."""
+def run_pass(
+    flt: ErrorStateFilter, record: ImuRecord, *, correct: bool = True, late: float = _KNOWN
+) -> None:
+    """Feed a record; where that is allowed, correct the navigation once the heading is known.
+
+    `late` is the 1-sigma of the heading that is enough after two minutes, rad.
+    """
     begin = record.start
     while begin < record.end - 1e-9:
         chunk = record.between(begin, begin + _CHUNK)
@@ -131,7 +136,7 @@ def run_pass(flt: ErrorStateFilter, record: ImuRecord, *, correct: bool = True) 
         if not len(chunk):
             continue
         flt.update(chunk)
-        enough = _KNOWN if begin - record.start < _LATE else _HALF_KNOWN
+        enough = _KNOWN if begin - record.start < _LATE else late
         if correct and not flt.feedback and flt.covariance[2, 2] < enough**2:
             flt.feedback = True
 
@@ -324,6 +329,7 @@ def iterate(
         If the span is so long that it would take too much memory.
     """
     _fits(measured, layout, record)
+    late = _KNOWN if np.isinf(first_part) else _HALF_KNOWN
     nominal, passes, moved = nominal or start, 0, np.inf
     part = record
     if record.end - record.start > 2.0 * first_part:
@@ -331,7 +337,7 @@ def iterate(
     while True:
         passes += 1
         flt = build(nominal, difference(layout, nominal, start), False)
-        run_pass(flt, part, correct=correct)
+        run_pass(flt, part, correct=correct, late=late)
         begin = _smoothed_start(flt, nominal, record.start)
         step = difference(layout, nominal, begin.nominal)
         sigma = np.sqrt(np.maximum(np.diag(begin.covariance), 1e-300))
@@ -352,6 +358,6 @@ def iterate(
     end, parts = filtered_end(flt)
     if budget:
         last = build(nominal, difference(layout, nominal, start), True)
-        run_pass(last, record, correct=correct)
+        run_pass(last, record, correct=correct, late=late)
         end, parts = filtered_end(last)
     return FineAlignment(begin, end, parts, passes, moved, flt, _smoothed_heading(flt))

@@ -238,8 +238,9 @@ def plan_drive(
 
     Examples
     --------
-    >>> plan_drive("tactical-fog", time=20.0).manoeuvres[0].name  # doctest: +SKIP
-    'S'
+    >>> from schuler.alignment import plan_drive
+    >>> plan_drive("tactical-fog", time=20.0).manoeuvres[0].name
+    'turn'
     """
     instrument = load_spec(spec)
     if instrument is None:

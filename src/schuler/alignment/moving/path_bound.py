@@ -80,6 +80,12 @@ def planned_fixes(
         Hz.
     sigma, v_sigma : float
         1-sigma of position (m) and velocity (m/s; None for a receiver without velocity).
+
+    Examples
+    --------
+    >>> from schuler.alignment import planned_fixes
+    >>> len(planned_fixes(made.truth).time)
+    61
     """
     count = int(np.floor((path.time[-1] - path.time[0]) * rate + 1e-6)) + 1
     time = path.time[0] + np.arange(count) / rate
@@ -149,7 +155,10 @@ def limit_on(
 
     Examples
     --------
-    >>> limit_on(path, "navigation-fog", planned_fixes(path)).sigma_arcmin  # doctest: +SKIP
+    >>> from schuler.alignment import planned_fixes
+    >>> bound = sc.limit_on(made.truth, "navigation-fog", planned_fixes(made.truth))
+    >>> bound.sigma_arcmin.shape
+    (3,)
     """
     return limits_on(path, spec, aiding, None, record=record, vibration=vibration)[0]
 

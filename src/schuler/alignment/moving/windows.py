@@ -98,6 +98,12 @@ def align_moving_windows(
     ------
     InputError
         If no window is full, the whole shows no heading, or none of the windows does.
+
+    Examples
+    --------
+    >>> from schuler.alignment import align_moving_windows
+    >>> len(align_moving_windows(drive, gnss, 20.0, spec=spec).each)
+    2
     """
     if isinstance(length, bool) or not isinstance(length, Real) or not 0.0 < length < np.inf:
         raise InputError(f"the length of a window must be a positive number of s, got {length!r}")

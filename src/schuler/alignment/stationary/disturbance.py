@@ -89,7 +89,14 @@ class Residual:
 
 
 def residual(h: History, site: Site, blocks: int = BLOCKS) -> Residual:
-    """Return the residual velocity of the centred fit over a history."""
+    """Return the residual velocity of the centred fit over a history.
+
+    Examples
+    --------
+    >>> from schuler.alignment import residual
+    >>> residual(sc.align(record, site, spec=spec).history, site).rms.shape
+    (3,)
+    """
     g, lat = site.gravity, site.latitude
     r = solve(h, g, lat, "centred")
     thin, _ = h.thin(blocks)

@@ -129,8 +129,9 @@ def transfer(
 
     Examples
     --------
-    >>> fix = transfer(record, master, spec="tactical-fog", span=(0, 20))  # doctest: +SKIP
-    >>> fix.mounting_deg, fix.not_observable  # doctest: +SKIP
+    >>> fix = sc.transfer(drive, driven, spec=spec, span=(0.0, 40.0))
+    >>> bool(np.abs(fix.mounting_deg).max() < 0.1)
+    True
     """
     expect(record, ImuRecord, "record", "read a file with schuler.read")
     expect(master, Trajectory, "master", "read a file with schuler.read_trajectory")
