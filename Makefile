@@ -12,6 +12,7 @@ help:
 	@echo "make coverage run the tests compiled and uncompiled, and count the statements they reach"
 	@echo "make fuzz     damaged files, odd command lines, forged packets: the long leg (an hour)"
 	@echo "make validate simulate the tables of sigma.md, consistency.md, prefilter.md, in-motion.md and transfer.md anew (an hour)"
+	@echo "make kernels  compile what the cache of kernels lacks, before the tests do"
 	@echo "make demo     align a simulated truck and draw the report into out/"
 	@echo "make lint     style, types, and which module imports which"
 	@echo "make bench    time schuler beside its peers, into docs/benchmarks.md"

@@ -78,6 +78,21 @@ def test_a_stream_without_rows_leaves_no_file(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_an_error_on_the_way_leaves_no_file(drive, tmp_path, monkeypatch):
+    from schuler.io import trajectory_stream as streams
+
+    monkeypatch.setattr(streams, "_GROUP", 10)
+
+    def interrupted():
+        with streams.streamed_trajectory(tmp_path / "half.parquet") as stream:
+            stream.write(drive.truth)
+            raise RuntimeError("on the way")
+
+    with pytest.raises(RuntimeError, match="on the way"):
+        interrupted()
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_path_is_evaluated_against_the_truth_and_its_file(drive, tmp_path):
     truth = drive.truth
     path = sc.navigate(drive.record, sc.Start(SITE, truth.quat_nb[0], truth.v_n[0]))

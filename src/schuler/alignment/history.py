@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,22 +67,22 @@ class History:
     def __len__(self) -> int:
         return len(self.rows)
 
-    @property
+    @cached_property
     def nodes(self) -> TrackerNode:
         """The rows by the names of their numbers."""
         return TrackerNode(self.rows)
 
-    @property
+    @cached_property
     def t(self) -> Array:
         """Instants, s since the start, (k,)."""
         return self.nodes.time
 
-    @property
+    @cached_property
     def updates(self) -> Array:
         """Updates so far at each instant, (k,)."""
         return self.nodes.updates
 
-    @property
+    @cached_property
     def duration(self) -> float:
         """Length, s."""
         return float(self.nodes.time[-1])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -121,6 +121,11 @@ class SealedWriter:
         """Write the seal and the end of the file."""
         self._writer.add_key_value_metadata(dict.fromkeys(_KEYS, self._seal.digest()))
         self._writer.close()
+
+    def abandon(self) -> None:
+        """Close a file that is not kept, whatever comes of it."""
+        with suppress(Exception):
+            self._writer.close()
 
 
 def write_sealed(table: Any, path: Path, about: Mapping[str, str], **options: Any) -> None:

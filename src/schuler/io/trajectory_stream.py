@@ -21,8 +21,13 @@ _GROUP = 1 << 17
 
 
 def can_stream(path: str | Path) -> bool:
-    """Say whether a trajectory is written to a path in pieces: Parquet is."""
-    return Path(path).suffix.lower() in (".parquet", ".pq")
+    """Say whether a trajectory is written to a path in pieces: Parquet is, with pyarrow 18."""
+    if Path(path).suffix.lower() not in (".parquet", ".pq"):
+        return False
+    from pyarrow import parquet
+
+    # The seal is known when all rows are.
+    return hasattr(parquet.ParquetWriter, "add_key_value_metadata")
 
 
 class TrajectoryStream:
@@ -67,6 +72,11 @@ class TrajectoryStream:
             raise InputError("the trajectory has no rows, so there is nothing to write")
         self._writer.close()
 
+    def abandon(self) -> None:
+        """Let go of the file, which is not kept; pyarrow would close it later, and complain."""
+        if self._writer is not None:
+            self._writer.abandon()
+
 
 @contextmanager
 def streamed_trajectory(path: str | Path, layout: str = "schuler") -> Iterator[TrajectoryStream]:
@@ -86,5 +96,9 @@ def streamed_trajectory(path: str | Path, layout: str = "schuler") -> Iterator[T
     """
     with replacing(path) as part, part.open("wb") as out:
         stream = TrajectoryStream(out, layout)
-        yield stream
-        stream.close()
+        try:
+            yield stream
+            stream.close()
+        except BaseException:
+            stream.abandon()
+            raise

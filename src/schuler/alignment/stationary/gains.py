@@ -83,6 +83,14 @@ class Weighed:
         return NormalEquations(self.information, right)
 
 
+def _of_rows(matrix: Array, rows: Rows) -> Array:
+    """Return some rows and columns of a matrix; a view where they follow each other."""
+    if len(rows) and rows[-1] - rows[0] + 1 == len(rows):
+        which = slice(int(rows[0]), int(rows[-1]) + 1)
+        return matrix[which, which]
+    return matrix[np.ix_(rows, rows)]
+
+
 def weigh(series: Series) -> Weighed:
     """Return the rows of both series in three independent groups, weighted by their noise."""
     m, n = series.design.shape[1:]
@@ -97,13 +105,14 @@ def weigh(series: Series) -> Weighed:
         if not len(chosen):
             continue
         flip = np.repeat([1.0, sign], m)[chosen]
-        noise = series.gyro[np.ix_(chosen, chosen)] * np.outer(flip, flip)
+        noise = _of_rows(series.gyro, chosen) * np.outer(flip, flip)
         k = len(rows_a)
-        noise[:k, :k] += series.sway[turn][np.ix_(rows_a, rows_a)]
-        noise[k:, k:] += series.force[np.ix_(rows_v, rows_v)]
+        noise[:k, :k] += _of_rows(series.sway[turn], rows_a)
+        noise[k:, k:] += _of_rows(series.force, rows_v)
         # A noise that is said to be nothing must not leave the inverse without digits.
-        noise[np.diag_indices(len(chosen))] *= 1.0 + 1e-9
-        noise[np.diag_indices(len(chosen))] += 1e-24
+        diagonal = noise.reshape(-1)[:: len(chosen) + 1]
+        diagonal *= 1.0 + 1e-9
+        diagonal += 1e-24
         jacobian = np.concatenate([series.design[turn][rows_a], series.design[move][rows_v]])
         end_turn = flip * series.gyro_end[chosen]
         solved = np.linalg.solve(noise, np.column_stack([jacobian, end_turn])).T
