@@ -24,9 +24,9 @@ FOG = "navigation-fog"
 
 @cache
 def rest() -> Any:
-    """Return 120 s at rest."""
+    """Return 60 s at rest."""
     rng = np.random.default_rng(5)
-    return simulate(Static(30.0), SITE, 120.0, 20.0, GRADES[FOG], rng)
+    return simulate(Static(30.0), SITE, 60.0, 20.0, GRADES[FOG], rng)
 
 
 def latitude_fix() -> Any:
@@ -232,7 +232,7 @@ MAKERS: dict[str, Callable[[], Any]] = {
     "MovingAlignment": moving,
     "MovingWindows": moving_windows,
     "TransferAlignment": transfer,
-    "Windows": lambda: sc.align_windows(rest().record, SITE, 30.0, spec=FOG),
+    "Windows": lambda: sc.align_windows(rest().record, SITE, 15.0, spec=FOG),
     "LatitudeFix": latitude_fix,
     "Comparison": comparison,
     "LimitTable": limits,
