@@ -12,6 +12,8 @@ import pytest
 from tests.conftest import ROOT
 from tests.docstring_names import namespace
 
+pytestmark = pytest.mark.compiled
+
 SOURCES = ROOT / "src" / "schuler"
 
 
