@@ -335,7 +335,6 @@ def test_the_smoother_is_consistent_and_better_in_the_middle(drive):
     assert np.max(better) < 0.7
 
 
-@pytest.mark.compiled
 def test_a_gate_refuses_outliers_and_is_never_locked_out(drive):
     record, biases = with_noise(drive, np.random.default_rng(1))
     position, velocity = fixes(drive, np.random.default_rng(2))
@@ -419,7 +418,6 @@ class Speed:
         return [speed - self.value[state.index]], [h], [self.sigma**2]
 
 
-@pytest.mark.compiled
 def test_a_user_s_own_measurement_is_like_any_other(drive):
     """A velocity given as three custom rows has the bits of the compiled kind, and may be mixed."""
 

@@ -46,6 +46,7 @@ def streamed(made, record, aids, rng, latency, **options):
     return f, np.array(kept)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("seed", [1, 2])
 def test_late_measurements_give_the_bits_of_those_in_time(drive, seed):
     record, _ = with_noise(drive, np.random.default_rng(1))

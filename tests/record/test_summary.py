@@ -130,7 +130,6 @@ def test_dictionary_speaks_the_field_s_units():
 FRD = [[0, 1, 0], [1, 0, 0], [0, 0, -1]]
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("change", "words"),
     [
