@@ -178,3 +178,25 @@ def test_an_interrupt_while_it_loads_is_one_sentence():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.returncode == 130
     assert done.stderr == "schuler: stopped\n"
+
+
+def test_an_interrupt_in_a_finaliser_stops_the_command_as_well():
+    code = (
+        "import sys, types\n"
+        "class Held:\n"
+        "    def __del__(self):\n"
+        "        raise KeyboardInterrupt\n"
+        "def run():\n"
+        "    held = Held()\n"
+        "    del held\n"
+        "    for _ in range(10**8):\n"
+        "        pass\n"
+        "    print('went on')\n"
+        "sys.modules['schuler.cli'] = types.SimpleNamespace(main=run)\n"
+        "from schuler.__main__ import main\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 130
+    assert done.stdout == ""
+    assert done.stderr == "schuler: stopped\n"
