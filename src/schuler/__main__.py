@@ -24,8 +24,10 @@ def _interrupt_again(unraisable: Any) -> None:
     """Raise Ctrl-C again where Python would only print it: it came in a finaliser."""
     if isinstance(unraisable.exc_value, KeyboardInterrupt):
         import _thread
+        import threading
 
-        _thread.interrupt_main()
+        # Not at once: what is raised in here would only be printed, too.
+        threading.Timer(0.01, _thread.interrupt_main).start()
     else:
         sys.__unraisablehook__(unraisable)
 
