@@ -159,6 +159,7 @@ def simulate_platform(
         return np.asarray((m * base).sum(axis=1))
 
     def slope(t: float, m: Array) -> Array:
+        """Return the rate of change of the platforms' attitudes, rows and columns first."""
         f = force_at(t, m)
         drift = (m * earth).sum(axis=1) + turning
         for j, d in enumerate(gyro.T):

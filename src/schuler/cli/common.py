@@ -247,6 +247,7 @@ def open_file(
     )  # fmt: skip
 
     def finish(notes: bool = True) -> None:
+        """Say what the reader found, after the work."""
         # After the work: an error is one sentence.
         if source.assumed:
             echo(f"note: assumed: {'; '.join(source.assumed)}", err=True)

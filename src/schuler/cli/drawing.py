@@ -48,6 +48,7 @@ def report_option(text: str) -> Callable[[F], F]:
     """Return the options ``--report OUT.html``, as `report_to`, and ``--figures DIR``."""
 
     def decorate(function: F) -> F:
+        """Add the options to a command."""
         for option in (
             click.option(
                 "--figure-format", type=click.Choice(["svg", "png", "pdf"]), default="svg",

@@ -1,4 +1,4 @@
-"""One command on many records: one table, JSON lines that are gone on with, one report.
+"""One command on many records: one table, JSON lines that a second run resumes, one report.
 
 Each record goes through the command as if it were alone, in worker processes or on a Dask cluster;
 what a record cannot give is a sentence in its row and does not stop the rest. The file of JSON

@@ -148,10 +148,10 @@ def centrifuge(**options: Any) -> None:
     if options["scheduler"]:
         from schuler.campaigns.execute import cluster_executor
 
-        hired: Any = cluster_executor(options["scheduler"])
+        workers: Any = cluster_executor(options["scheduler"])
     else:
-        hired = nullcontext()
-    with hired as executor, status("planning") as say:
+        workers = nullcontext()
+    with workers as executor, status("planning") as say:
         if len(counts) == 1:
             found = [
                 plan(problem, executor=executor, progress=partial(progress, counts[0]), **settings)

@@ -137,6 +137,7 @@ class _Scanner:
         return path
 
     def run(self) -> dict[Path, int]:
+        """Return the line of each key."""
         table: Path = ()
         self.skip(True)
         while self.at < len(self.text):

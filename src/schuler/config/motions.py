@@ -6,6 +6,7 @@ error of the file, at the motion's table.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -81,9 +82,9 @@ class MotionTable(Strict):
         """Turning frames of the chain."""
         return 1 + (self.on_board.frames if self.on_board else 0)
 
+    @abstractmethod
     def own(self, rng: np.random.Generator, duration: float) -> Motion:
         """Make the motion of this table alone."""
-        raise NotImplementedError
 
     def make(self, rng: np.random.Generator, duration: float) -> Motion:
         """Make the motion with all that adds to it and rides on it.

@@ -65,6 +65,7 @@ def _quantity(dimension: str, example: str, bare: float | None = None) -> Any:
     """Return a validator to SI, or to the unit `bare`, in which a number needs no unit."""
 
     def check(value: Any) -> float:
+        """Return a value in SI units."""
         if bare is not None and not isinstance(value, str):
             return _bare(value, f"a number or a text such as '{example}'")
         if not isinstance(value, str):

@@ -52,6 +52,7 @@ class BinaryReader:
         done = [0]
 
         def blocks() -> Iterator[Block]:
+            """Yield the rows, as they are read."""
             done[0] = 0
             with path.open("rb") as file:
                 while True:

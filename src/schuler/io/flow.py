@@ -75,6 +75,7 @@ def prefetch(blocks: Iterator[Block]) -> Iterator[Block]:
     closed = threading.Event()
 
     def work() -> None:
+        """Read the next block whenever one is wanted."""
         try:
             while wanted.acquire() and not closed.is_set():
                 block = next(blocks, None)

@@ -74,6 +74,7 @@ def open_hdf5(path: Path, mapping: Mapping) -> Content:
         taken: dict[str, int] = {}
 
         def load(name: str) -> Any:
+            """Return an array by its name."""
             label = f"array '{shown(name)}'"
             if name not in datasets:
                 raise InputError(

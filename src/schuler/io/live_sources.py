@@ -118,6 +118,7 @@ def _udp(where: str) -> LiveSource:
     bound = "{}:{}".format(*receiver.getsockname())
 
     def chunks() -> Iterator[Chunk]:
+        """Yield what arrives, with its sender."""
         while True:
             try:
                 data, (sender, port) = receiver.recvfrom(65536)

@@ -65,6 +65,7 @@ class ParquetReader:
         done = [0]
 
         def blocks() -> Iterator[Block]:
+            """Yield the rows, as they are read."""
             done[0] = 0
             # Through a small buffer: else whole row groups would be held, undecoded.
             with opened_parquet(path, pre_buffer=False, buffer_size=_BUFFER) as file:

@@ -69,6 +69,7 @@ class RosReader:
         notes: list[str] = []
 
         def blocks() -> Iterator[Block]:
+            """Yield the rows of the topic, as they are read."""
             done[0] = 0
             with opened(path) as bag:
                 held: list[bytes] = []

@@ -438,6 +438,7 @@ def bind(header: bytes, code: bytes) -> Callable[..., Any]:
     names = [f"part{k}" for k in range(len(parts))]
 
     def call_back(*args: Any) -> Any:
+        """Call the code and return what it gives."""
         out = result()
         status = enter(ctypes.addressof(out), *args)
         if status == MISMATCH:

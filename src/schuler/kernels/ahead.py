@@ -27,6 +27,9 @@ __all__ = ["compile_ahead", "signatures"]
 
 Signature = tuple[str, tuple[str, ...]]
 
+_MOST = 8
+"""Processes: the costliest kernel takes a third of the time of all."""
+
 
 def signatures() -> list[Signature]:
     """Return kernels as module.name with the types of their arguments, the costliest first."""
@@ -74,10 +77,17 @@ def compile_ahead(processes: int) -> int:
     return len(left)
 
 
+def _processors() -> int:
+    """Return how many processors this process may use, `_MOST` at most."""
+    if hasattr(os, "sched_getaffinity"):
+        return min(len(os.sched_getaffinity(0)), _MOST)
+    return min(os.cpu_count() or 1, _MOST)
+
+
 def main() -> None:
     """Compile ahead, as the options say."""
     parser = argparse.ArgumentParser(prog="python -m schuler.kernels.ahead", description=__doc__)
-    parser.add_argument("--processes", type=int, default=len(os.sched_getaffinity(0)))
+    parser.add_argument("--processes", type=int, default=_processors())
     parser.add_argument("--to", type=Path, help="a folder for a wheel; any processor with AVX2")
     options = parser.parse_args()
     if options.to is None:

@@ -169,6 +169,7 @@ def optimise_scheme(
     choices = [(axis, sign) for axis in ("psi", "gamma") for sign in (180.0, -180.0)]
 
     def build(order: list[int]) -> Scheme | None:
+        """Return the scheme of an order of turns; None where one cannot be made."""
         steps: list[Dwell | Turn] = []
         for k in order:
             axis, angle = choices[k]

@@ -137,6 +137,7 @@ class _Case:
     @classmethod
     @cache
     def of(cls, number: int, noise: str) -> _Case:
+        """Make the case of a number, with its noise."""
         case = conditions("guo2015")  # the table's columns cannot be changed, nor its step
         table, step = case["case"][number], float(case["simulation"]["step"])
         more = 1.0 if noise == "per sample" else step**-0.5
