@@ -88,6 +88,13 @@ def test_what_is_done_is_not_done_again(run: Run, folder: Path, counted: list[st
     run(*arguments)
     assert counted == ["day/c.csv"]  # errors are tried again
     assert (folder.parent / "o.jsonl").read_bytes() == first
+    # Lines that are nobody's, and ones nested too deep, are passed over.
+    odd = b'[]\n{"document": {"provenance": {"options": 3}}}\n' + b"[" * 200_000 + b"\n"
+    (folder.parent / "o.jsonl").write_bytes(odd + first)
+    counted.clear()
+    run(*arguments)
+    assert counted == ["day/c.csv"]
+    assert (folder.parent / "o.jsonl").read_bytes() == first
     # A run that was stopped while it wrote a line.
     (folder.parent / "o.jsonl").write_bytes(first[: first.index(b"\n") + 100])
     counted.clear()

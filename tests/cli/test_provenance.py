@@ -71,6 +71,19 @@ def test_again_finds_the_record_beside_the_result(
         (lambda p: (p / "truck.csv").unlink(), "truck.csv: is not there any more"),
         (lambda p: (p / "r.json").write_text("{}"), "r.json: says not how it was made"),
         (lambda p: (p / "r.json").write_text("no"), "r.json: is no JSON"),
+        (lambda p: (p / "r.json").write_text("[" * 200_000), "r.json: is no JSON"),
+        (
+            lambda p: (p / "r.json").write_text(
+                '{"provenance": {"command": ["align"], "options": [1], "inputs": []}}'
+            ),
+            "r.json: says not how it was made",
+        ),
+        (
+            lambda p: (p / "r.json").write_text(
+                '{"provenance": {"command": ["align"], "options": {}, "inputs": [{"file": 3}]}}'
+            ),
+            "r.json: says not how it was made",
+        ),
         (lambda p: (p / "r.json").unlink(), "r.json: cannot be read"),
     ],
 )

@@ -20,7 +20,7 @@ from typing import Any
 
 import click
 
-from schuler._files import replacing
+from schuler._files import parse_json, replacing
 from schuler.cli.command import CONTRADICTED, Command, echo
 from schuler.cli.parameters import Count
 from schuler.cli.progress import counting
@@ -160,6 +160,8 @@ def run_one(command: str, path: str, options: dict[str, Any]) -> Line:
             out["error"] = error.format_message()
         except MemoryError:
             out["error"] = "there is not enough memory for this record"
+        except OSError as error:
+            out["error"] = f"{error.filename or path}: {error.strerror or error}"
     told_lines = told.getvalue().splitlines()
     out["warnings"] = [line for line in told_lines if line.startswith("warning: ")]
     return out
@@ -252,13 +254,15 @@ class _Store:
             raise InputError(f"{self._path}: cannot be read ({error})") from None
         for row in text.splitlines():
             try:
-                line = json.loads(row)
-                made = (line["document"] or {})["provenance"]
-            except (ValueError, KeyError, TypeError):
+                line = parse_json(row)
+                made = line["document"]["provenance"]
+                own = {key: value for key, value in made["options"].items() if key != "file"}
+                same = made["command"] == [command] and own == _as_json(options)
+                inputs = [(str(each["file"]), str(each["sha256"])) for each in made["inputs"]]
+                if same and inputs and isinstance(line["file"], str):
+                    self._lines[line["file"]] = line
+            except (ValueError, KeyError, TypeError, AttributeError):
                 continue  # the line that was being written when a run was stopped, or an error
-            own = {key: value for key, value in made["options"].items() if key != "file"}
-            if made["command"] == [command] and own == _as_json(options):
-                self._lines[line["file"]] = line
 
     def known(self, path: str) -> Line | None:
         """Return the line of a record that has not changed since."""

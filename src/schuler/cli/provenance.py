@@ -8,14 +8,13 @@ since is refused: the result would be another.
 from __future__ import annotations
 
 import hashlib
-import json
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import click
 
 from schuler import __version__
-from schuler._files import is_special
+from schuler._files import is_special, parse_json
 from schuler.cli.parameters import OutputFile, OutputFolder
 from schuler.errors import InputError
 
@@ -123,13 +122,13 @@ def options_again(ctx: click.Context, path: str) -> tuple[dict[str, Any], dict[s
         If the file is no result of this command, or a file that it was made of has changed.
     """
     try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
+        data = parse_json(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     except ValueError:
         raise InputError(f"{path}: is no JSON; --again takes what --json wrote") from None
     found = data.get("provenance") if isinstance(data, dict) else None
-    if not isinstance(found, dict) or not {"command", "options", "inputs"} <= set(found):
+    if not _is_whole(found):
         raise InputError(f"{path}: says not how it was made; --again takes what --json wrote")
     own = ctx.command_path.split()[1:]
     if found["command"] != own:
@@ -154,6 +153,22 @@ def options_again(ctx: click.Context, path: str) -> tuple[dict[str, Any], dict[s
             f"does not have (it is of schuler {found.get('schuler')})"
         )
     return options, dict(found.get("mapping") or {})
+
+
+def _is_whole(found: Any) -> TypeGuard[dict[str, Any]]:
+    """Say whether something has all that a command is repeated by."""
+    return (
+        isinstance(found, dict)
+        and isinstance(found.get("command"), list)
+        and isinstance(found.get("options"), dict)
+        and isinstance(found.get("mapping", {}), dict)
+        and isinstance(found.get("inputs"), list)
+        and all(
+            isinstance(each, dict) and {"file", "sha256"} <= set(each)
+            and isinstance(each["file"], str)
+            for each in found["inputs"]
+        )
+    )  # fmt: skip
 
 
 def _where(name: str, result: str) -> str:
