@@ -83,26 +83,32 @@ class _Compiled:
     @property
     def dispatcher(self) -> Any:
         """Numba's dispatcher for calls from other kernels."""
-        if self._dispatcher is None:
-            import numba
+        with _lock:
+            if self._dispatcher is None:
+                import numba
 
-            self._dispatcher = numba.njit(
-                error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, **self._options
-            )(_with_dispatchers(self.py_func))
+                self._dispatcher = numba.njit(
+                    error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True,
+                    **self._options,
+                )(_with_dispatchers(self.py_func))  # fmt: skip
         return self._dispatcher
 
     @property
     def wrapped(self) -> Any:
         """Numba's dispatcher for calls from Python."""
         if self._wrapped is None:
-            import numba
+            with _lock:
+                if self._wrapped is None:
+                    import numba
 
-            from schuler.kernels._numba_cache import attach_cache
+                    from schuler.kernels._numba_cache import attach_cache
 
-            function = _with_dispatchers(self.py_func)
-            self._wrapped = numba.njit(error_model="numpy", **self._options)(function)
-            if self._cached:
-                attach_cache(self._wrapped, function)
+                    function = _with_dispatchers(self.py_func)
+                    made = numba.njit(error_model="numpy", **self._options)(function)
+                    if self._cached:
+                        attach_cache(made, function)
+                    # Others see it with its cache only.
+                    self._wrapped = made
         return self._wrapped
 
     def __call__(self, *args: Any, **named: Any) -> Any:

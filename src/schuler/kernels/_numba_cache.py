@@ -7,6 +7,7 @@ import io
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from numba.core import config
@@ -15,6 +16,9 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 from schuler.kernels._cache import CACHE_FOLDER, in_words, read_whole, say_once
 
 __all__ = ["attach_cache"]
+
+
+_one_at_a_time = Lock()
 
 
 class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
@@ -80,12 +84,15 @@ def attach_cache(compiled: Any, function: Callable[..., Any]) -> None:
     """Give a Numba dispatcher its cache in schuler's own folder, if there is one."""
     if CACHE_FOLDER is None or not hasattr(compiled, "_cache"):
         return
-    before = config.CACHE_DIR
-    config.CACHE_DIR = CACHE_FOLDER
-    try:
-        compiled._cache = _CheckedCache(function)
-    except Exception as error:
-        # Numba would cache beside the sources instead, where old code can come back.
-        say_once("folder", f"cannot be used ({in_words(error)}); kernels are compiled anew")
-    finally:
-        config.CACHE_DIR = before
+    # The folder is a setting of the process: of two threads one would find none, and Numba would
+    # cache in the working folder.
+    with _one_at_a_time:
+        before = config.CACHE_DIR
+        config.CACHE_DIR = CACHE_FOLDER
+        try:
+            compiled._cache = _CheckedCache(function)
+        except Exception as error:
+            # Numba would cache beside the sources instead, where old code can come back.
+            say_once("folder", f"cannot be used ({in_words(error)}); kernels are compiled anew")
+        finally:
+            config.CACHE_DIR = before
