@@ -42,8 +42,9 @@ HOW_RECORD = "read a file with schuler.read, a table with schuler.io.from_pandas
 HOW_SITE = "say schuler.Site(lat, lon, height)"
 
 _BIAS_MISSING = (
-    "no instrument specification was given: sigma holds the disturbance seen in the record, but "
-    "no gyro or accelerometer bias (say --spec navigation-fog, or a TOML file)"
+    "no instrument specification was given: sigma holds the disturbance seen in the record and a "
+    "gyro bias as large as its noise could hide, but no larger one and no accelerometer bias (say "
+    "--spec navigation-fog, or a TOML file)"
 )
 
 
@@ -134,6 +135,7 @@ class Aligner:
         self._held: list[ImuRecord] = []
         self._name = "record"
         self._quality: list[str] = []
+        self._sampling_faults = False
         self._pass = _Pass()
 
     def fresh(self) -> Aligner:
@@ -193,6 +195,7 @@ class Aligner:
         self._tail = (next(last), next(last))
         if chunk.quality is not None:
             self._quality = chunk.quality.warnings()
+            self._sampling_faults = chunk.quality.sampling_faults
         return self
 
     def _open(self, chunk: ImuRecord) -> None:
@@ -245,8 +248,9 @@ class Aligner:
     def history(self) -> History:
         """Return the pass so far, with the samples that wait for a full update worked in."""
         waiting = int(self._state.waiting)
+        faults = self._sampling_faults
         if not waiting:
-            return History.from_state(self._state.data, self._nodes)
+            return History.from_state(self._state.data, self._nodes, sampling_faults=faults)
         state, nodes = TrackerState(self._state.data.copy()), self._nodes.copy()
         rows = state.waiting_samples[:waiting].copy()
         time, dt = (tail[-waiting:] for tail in self._tail)
@@ -264,7 +268,7 @@ class Aligner:
             state.data, nodes, 1, *self._flags, time, dt,
             np.ascontiguousarray(rows[:, :3]), np.ascontiguousarray(rows[:, 3:]),
         )  # fmt: skip
-        return History.from_state(state.data, nodes)
+        return History.from_state(state.data, nodes, sampling_faults=faults)
 
     def _estimate(
         self, h: History, spec: ImuSpec | None, about: Linearisation | None = None,

@@ -49,20 +49,24 @@ class History:
         Time of the start, s.
     samples : int
         Samples in all.
+    sampling_faults : bool
+        Whether samples were lost, held, replaced or cut off, or their times are unsure: what is
+        made of them has errors that no specification of the sensors holds.
     """
 
     rows: Array
     start: float
     samples: int
+    sampling_faults: bool = False
 
     @classmethod
-    def from_state(cls, state: Array, nodes: Array) -> History:
+    def from_state(cls, state: Array, nodes: Array, *, sampling_faults: bool = False) -> History:
         """Copy the nodes of a tracking kernel and add the last instant when it is not one."""
         last = TrackerState(state)
         rows = nodes[: int(last.nodes)]
         if last.updates > TrackerNode(rows).updates[-1]:
             rows = np.vstack([rows, last.node().data])
-        return cls(rows.copy(), float(last.start), int(last.samples))
+        return cls(rows.copy(), float(last.start), int(last.samples), sampling_faults)
 
     def __len__(self) -> int:
         return len(self.rows)

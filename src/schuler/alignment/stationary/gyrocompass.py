@@ -105,7 +105,7 @@ def compass_alignment(
         steps.dt, steps.dtheta, steps.dvel, intervals.inside, out,
     )  # fmt: skip
 
-    levels = disturbance_levels(residual(h, site), g, spec).mean
+    levels = disturbance_levels(residual(h, site), g, spec, h.sampling_faults).mean
     _, place, _ = vehicle_motion(h, r, site, 1.0)
     _, c, b, a = levels
     white = np.zeros(5)
