@@ -226,7 +226,8 @@ class Aligner:
         InputError
             If the arrays are not those of this version's aligner, or contradict one another.
         """
-        from schuler.kernels.layout import LayoutError, check_aligner
+        from schuler.kernels.layout import LayoutError
+        from schuler.kernels.tracker_layout import check_aligner
 
         try:
             check_aligner(arrays)
