@@ -17,7 +17,8 @@ from schuler.alignment.intervals import Intervals
 from schuler.alignment.methods import Gyrocompass
 from schuler.alignment.stationary.disturbance import disturbance_levels, residual
 from schuler.alignment.stationary.inertial import solve
-from schuler.alignment.stationary.kalman import FilterHistory, KalmanResult, vehicle_motion
+from schuler.alignment.stationary.kalman import FilterHistory, KalmanResult
+from schuler.alignment.stationary.kalman_setting import vehicle_motion
 from schuler.attitude import nearest_quat, quat_to_matrix
 from schuler.constants import DEG
 from schuler.earth import Site
