@@ -30,7 +30,7 @@ from schuler.centrifuge.plant import (
     scheme_information,
 )
 from schuler.centrifuge.result import CentrifugeTest, identify
-from schuler.centrifuge.scorecard import Scorecard, score
+from schuler.centrifuge.scorecard import Scorecard, by_objective, score
 from schuler.centrifuge.search import AngleLimits, Problem, evaluate_positions
 
 __all__ = [
@@ -49,6 +49,7 @@ __all__ = [
     "PlatformFit",
     "Problem",
     "Scorecard",
+    "by_objective",
     "coefficient_names",
     "coefficient_units",
     "compare_objectives",
