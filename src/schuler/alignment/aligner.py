@@ -14,6 +14,7 @@ from schuler.alignment.assessment import assess, capped
 from schuler.alignment.bound import limit, position_limit
 from schuler.alignment.debias import without_gyro_bias
 from schuler.alignment.estimate import QUIET
+from schuler.alignment.filtered import Filtered
 from schuler.alignment.gravity_uncertainty import with_gravity_uncertainty
 from schuler.alignment.history import History
 from schuler.alignment.method import Estimate, Method, Problem
@@ -64,8 +65,9 @@ class _Pass:
 class Aligner:
     """Align a stream: `update` with chunks, `solution` whenever it is wanted.
 
-    Memory is constant for any length, unless a prefilter or a method that needs the samples
-    (`Method.needs`) keeps the record. Any chunking gives the same bits.
+    Memory is constant for any length, unless a method that needs the samples (`Method.needs`) or a
+    prefilter that does not stream (`Prefilter.streams`) keeps the record. Any chunking gives the
+    same bits.
 
     Parameters
     ----------
@@ -135,6 +137,12 @@ class Aligner:
         self._quality: list[str] = []
         self._sampling_faults = False
         self._pass = _Pass()
+        self._filtered: Filtered | None = None
+        if self.method.prefilter is not None:
+            plain = Aligner(
+                site, self.method.with_prefilter(None), self.spec, at=at, reading=reading
+            )
+            self._filtered = Filtered(self.method.prefilter.at(site.gravity), plain)
 
     def fresh(self) -> Aligner:
         """Return an aligner that was made alike and has taken nothing."""
@@ -142,12 +150,21 @@ class Aligner:
             self.site, self.method, self.spec, at=self.at, array=self.array, reading=self.reading
         )
 
+    def branch(self) -> Aligner:
+        """Return an aligner that has taken the same samples and continues by itself."""
+        assert self._filtered is None
+        other = copy(self)
+        other._state = TrackerState(self._state.data.copy())
+        other._nodes = self._nodes.copy()
+        other._summariser = self._summariser.copy()
+        other._held = list(self._held)
+        other._pass = _Pass()
+        return other
+
     @property
     def samples(self) -> int:
         """Samples taken so far."""
-        if self.method.prefilter is not None:
-            return sum(len(chunk) for chunk in self._held)
-        return int(self._state.samples)
+        return int(self._state.samples) if self._filtered is None else self._filtered.samples
 
     def update(self, chunk: ImuRecord) -> Aligner:
         """Take a chunk that follows the last one; return self.
@@ -174,9 +191,9 @@ class Aligner:
                 f"a chunk starts at t = {chunk.time[0]:.9g} s, not after the last sample "
                 f"({self._tail[0][-1]:.9g} s)"
             )
-        if self.method.prefilter is not None:
+        if self._filtered is not None:
+            self._filtered.push(chunk)
             self._tail = (chunk.time[-1:], chunk.dt[-1:])
-            self._held.append(chunk)
             return self
         if self.method.needs == "samples":
             self._held.append(chunk)
@@ -272,17 +289,11 @@ class Aligner:
         """
         if not self.samples:
             raise InputError("the record has no samples to align")
-        if self.method.prefilter is None:
+        if self._filtered is None:
             if self._pass.sums is None:
                 self._pass.sums = self.history(), self._summariser.summary()
         elif self._pass.filtered is None:
-            record = ImuRecord.concatenate(self._held, quality=self._held[-1].quality)
-            plain = Aligner(
-                self.site, self.method.with_prefilter(None), self.spec, at=self.at,
-                reading=self.reading,
-            )  # fmt: skip
-            plain.update(self.method.prefilter.at(self.site.gravity)(record))
-            self._pass.filtered = plain.prepared()
+            self._pass.filtered = self._filtered.prepared()
         return self
 
     def shares_pass(self, method: Method) -> bool:
