@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler._blas import with_one_blas_thread
 from schuler._result import Result, table_of_rows
 from schuler.alignment.aligner import Aligner
 from schuler.alignment.convergence import heading_history
@@ -155,6 +156,7 @@ def settle_time(fix: Alignment, points: int = 100) -> float | None:
     return None if last + 1 >= len(t) else float(t[last + 1])
 
 
+@with_one_blas_thread
 def compare(
     record: ImuRecord,
     site: Site,
