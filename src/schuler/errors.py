@@ -15,6 +15,13 @@ class SchulerError(Exception):
     """Base of every error that schuler raises on purpose; the CLI prints it and exits with 2.
 
     Its text is `printable`, and loses its middle where a file has made it endless.
+
+    Examples
+    --------
+    >>> raise SchulerError("the folder cannot be written")
+    Traceback (most recent call last):
+        ...
+    schuler.errors.SchulerError: the folder cannot be written
     """
 
     def __init__(self, *args: object) -> None:
@@ -22,7 +29,15 @@ class SchulerError(Exception):
 
 
 class InputError(SchulerError, ValueError):
-    """Something that was given (a file, a value, an option) cannot be used as it is."""
+    """Something that was given (a file, a value, an option) cannot be used as it is.
+
+    Examples
+    --------
+    >>> sc.Site(lat=91.0)
+    Traceback (most recent call last):
+        ...
+    schuler.errors.InputError: latitude must be between -90 and 90 deg, got 91
+    """
 
 
 def expect(value: object, kind: type | tuple[type, ...], what: str, how: str = "") -> None:

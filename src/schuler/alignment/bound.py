@@ -146,6 +146,14 @@ def position_limit(
     InputError
         If there is no position, the interval is not positive, or phi cannot be seen (at a
         pole).
+
+    Examples
+    --------
+    >>> start, turned = Position(300.0), Position(heading_ccw_deg=180.0, dwell=300.0)
+    >>> one = position_limit(spec, site, [start]).sigma_arcmin[2]
+    >>> two = position_limit(spec, site, [start, turned]).sigma_arcmin[2]
+    >>> bool(two < 0.9 * one)
+    True
     """
     if not positions:
         raise InputError("a limit needs one position at least")
@@ -222,12 +230,20 @@ def limit(spec: ImuSpec, site: Site, duration: float, interval: float = 0.01) ->
 
 
 def load_positions(path: str | Path) -> list[Position]:
-    """Read positions from TOML: ``[[position]]`` tables with angles and ``dwell = "300 s"``.
+    r"""Read positions from TOML: ``[[position]]`` tables with angles and ``dwell = "300 s"``.
 
     Raises
     ------
     InputError
         If the file cannot be read, is not TOML, or holds a bad value, naming the position.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> text = '[[position]]\nheading_ccw_deg = 30\ndwell = "300 s"\n'
+    >>> length = Path("positions.toml").write_text(text)
+    >>> load_positions("positions.toml")[0].dwell
+    300.0
     """
     data = read_toml(path)
     tables = data.pop("position", None)

@@ -43,6 +43,12 @@ class Problem:
         Where the estimate is made again about what was found.
     samples : callable
         Returns the record, for a method that needs the samples.
+
+    Examples
+    --------
+    >>> given = Problem(fix.history, site, spec, True, None, lambda: record)
+    >>> sc.Inertial("centred").solve(given).attitude.shape
+    (3, 3)
     """
 
     history: History

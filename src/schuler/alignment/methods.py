@@ -127,6 +127,11 @@ class Auto(Method):
     ----------
     subsamples : int, optional
         As in `Inertial`.
+
+    Examples
+    --------
+    >>> sc.align(record, site, Auto(), spec).why is not None
+    True
     """
 
     subsamples: int | None = None

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler.allan_variance.fit import MOVED, NoiseFit, NoiseTerm
+from schuler.allan_variance.noise_fit import MOVED, NoiseFit, NoiseTerm
 from schuler.errors import InputError
 
 __all__ = ["UNITS_SI", "Densities", "Density", "densities"]
@@ -36,6 +36,11 @@ class Density:
     seen : int
         Axes that show it.
     axes : int
+
+    Examples
+    --------
+    >>> densities(noise_fit).gyro_noise.axes
+    3
     """
 
     value: float
@@ -109,6 +114,12 @@ def densities(fit: NoiseFit) -> Densities:
     ------
     InputError
         If the fit has no gyros, or no accelerometers, or is that of a record in motion.
+
+    Examples
+    --------
+    >>> found = densities(noise_fit)
+    >>> found.rate
+    20.0
     """
     moved = [name for name, channel in fit.channels.items() if channel.misfit > MOVED]
     if moved:

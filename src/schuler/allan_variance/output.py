@@ -9,7 +9,7 @@ from typing import Any
 
 from schuler._files import replacing
 from schuler.allan_variance.density import UNITS_SI
-from schuler.allan_variance.fit import NoiseFit, NoiseTerm
+from schuler.allan_variance.noise_fit import NoiseFit, NoiseTerm
 from schuler.allan_variance.result import Allan
 from schuler.errors import InputError
 from schuler.units import to_unit

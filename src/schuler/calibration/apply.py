@@ -40,6 +40,12 @@ class Calibration:
     name : str
     sigma : dict of str to (…,) float64
         1 sigma of `gyro_bias`, `accel_matrix`, ... where known.
+
+    Examples
+    --------
+    >>> corrected = Calibration(accel_bias=[0.01, 0.0, 0.0]).apply(record)
+    >>> round(float((record.dvel - corrected.dvel)[0, 0] / record.dt[0]), 4)
+    0.01
     """
 
     gyro_bias: Array = field(default_factory=_zeros)

@@ -145,6 +145,18 @@ def calibrate_systematic(
     ------
     InputError
         For a record too short or never at rest, or a start that is not a quaternion.
+
+    Examples
+    --------
+    >>> from schuler.motion import Dwell, Turn, Turntable
+    >>> steps = [Dwell(5.0)]
+    >>> for axis in ("psi", "theta", "gamma"):
+    ...     steps += [Turn(axis, 90.0, 30.0, 60.0), Dwell(5.0)]
+    >>> table = Turntable(steps)
+    >>> turned = sc.simulate(table, site, 30.0, 20.0, spec, np.random.default_rng(1))
+    >>> fit = calibrate_systematic(turned.record, site, turned.truth.quat_nb[0])
+    >>> fit.to_dict()["schema"]
+    'schuler.calibrate-systematic/1'
     """
     q0 = np.asarray(start, np.float64)
     if q0.shape != (4,) or abs(np.linalg.norm(q0) - 1.0) > 1e-6:

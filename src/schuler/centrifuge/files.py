@@ -53,12 +53,19 @@ def _read(path: str | Path, name: str, make: Any) -> Any:
 
 
 def plant_from_toml(path: str | Path) -> Plant:
-    """Read a plant: the fields of `Plant`, in its units.
+    r"""Read a plant: the fields of `Plant`, in its units.
 
     Raises
     ------
     InputError
         If the file cannot be read, or holds an unknown key or a bad value.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> length = Path("plant.toml").write_text("force = 5.0\n")
+    >>> plant_from_toml("plant.toml").force
+    5.0
     """
     plant: Plant = _read(path, "plant", _plant)
     return plant
@@ -86,12 +93,20 @@ def _plant(table: Any) -> Plant:
 
 
 def scheme_from_toml(path: str | Path) -> CentrifugeScheme:
-    """Read a scheme: ``positions``, ``dwell`` (s) and, where they differ, ``forces`` (g).
+    r"""Read a scheme: ``positions``, ``dwell`` (s) and, where they differ, ``forces`` (g).
 
     Raises
     ------
     InputError
         If the file cannot be read, or holds an unknown key or a bad value.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> text = "positions = [[45, 0, 167]]\ndwell = 20.0\n"
+    >>> length = Path("scheme.toml").write_text(text)
+    >>> scheme_from_toml("scheme.toml").positions
+    ((45.0, 0.0, 167.0),)
     """
     scheme: CentrifugeScheme = _read(path, "scheme", _scheme)
     return scheme
@@ -215,7 +230,7 @@ def simulate_test(
     InputError
         For an unknown key or a bad value, with the file.
     """
-    from schuler.centrifuge.filter import simulate_platform
+    from schuler.centrifuge.simulate import simulate_platform
 
     path = Path(path)
     data = read_toml(path)

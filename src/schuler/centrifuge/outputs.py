@@ -47,6 +47,12 @@ def write_outputs(
     ------
     InputError
         If a file cannot be written, or its name does not end on .csv, .parquet or .npz.
+
+    Examples
+    --------
+    >>> plant, scheme = Plant(), CentrifugeScheme(dwell=2.0)
+    >>> truth = sc.centrifuge.published_truth()
+    >>> write_outputs("test.csv", plant, scheme, np.zeros((6, 100, 3)), truth)
     """
     path = Path(path)
     if path.suffix not in _SUFFIXES:
@@ -119,6 +125,14 @@ def read_outputs(
     ------
     InputError
         For a file that cannot be read or does not fit, with the row.
+
+    Examples
+    --------
+    >>> plant, scheme = Plant(), CentrifugeScheme(dwell=2.0)
+    >>> write_outputs("read.csv", plant, scheme, np.zeros((6, 100, 3)))
+    >>> outputs, first = read_outputs("read.csv", plant, 6)
+    >>> outputs[0].shape
+    (100, 3)
     """
     from schuler.units import parse_factor
 

@@ -136,6 +136,12 @@ def plan(
         For times or numbers that are not positive, or a problem that cannot be solved.
     SchulerError
         If the method's library is not installed.
+
+    Examples
+    --------
+    >>> found = plan(Problem(positions=4, dwell=2.0, method="de"), rounds=1, workers=1)
+    >>> len(found.positions)
+    4
     """
     problem = problem or Problem()
     if not time_limit > 0 or workers < 1 or (rounds is not None and rounds < 1):

@@ -176,6 +176,12 @@ def identify(
     ------
     InputError
         For outputs that do not fit, or a scheme that does not show every coefficient.
+
+    Examples
+    --------
+    >>> plan = CentrifugeScheme(dwell=20.0)
+    >>> identify(Plant(), plan).judgement.sigma.shape
+    (45,)
     """
     forces = list(scheme.forces) or None
     information = scheme_information(plant, scheme.positions, scheme.dwell, forces)

@@ -36,6 +36,14 @@ class Scorecard:
     plan, published : dict of str to float
     best : dict of str to float
         The least found by a search for that objective; empty where none was made.
+
+    Examples
+    --------
+    >>> from schuler.centrifuge import PUBLISHED_POSITIONS
+    >>> values = score(Plant(), PUBLISHED_POSITIONS, 20.0)
+    >>> card = Scorecard("min-max", plan=values, published=values)
+    >>> len(card.rows())
+    6
     """
 
     optimised: str
@@ -106,6 +114,12 @@ def score(
         s at each position.
     objective : Objective, optional
         Its wanted accuracies count.
+
+    Examples
+    --------
+    >>> from schuler.centrifuge import PUBLISHED_POSITIONS
+    >>> sorted(score(Plant(), PUBLISHED_POSITIONS, 20.0))
+    ['a', 'd', 'e', 'min-max', 'sum-rho', 'time']
     """
     try:
         values = dict(judge(plant, positions, dwell, objective).values)

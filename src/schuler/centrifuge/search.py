@@ -38,7 +38,13 @@ HOPELESS = 1e6
 
 @dataclass(frozen=True)
 class AngleLimits:
-    """Where the angles may lie: lowest and highest, deg; 0 to 360 is the whole circle."""
+    """Where the angles may lie: lowest and highest, deg; 0 to 360 is the whole circle.
+
+    Examples
+    --------
+    >>> AngleLimits(beta=(-30.0, 30.0)).beta
+    (-30.0, 30.0)
+    """
 
     alpha: tuple[float, float] = (0.0, 360.0)
     beta: tuple[float, float] = (0.0, 0.0)
@@ -96,6 +102,11 @@ class Problem:
     method : {"cma", "de", "ga"}
     whole : bool
         Whole degrees only.
+
+    Examples
+    --------
+    >>> Problem(positions=4, dwell=10.0).method
+    'cma'
     """
 
     plant: Plant = field(default_factory=Plant)
@@ -123,7 +134,15 @@ class Problem:
 
 
 def evaluate_positions(problem: Problem, schemes: Array) -> Array:
-    """Return the objectives (m,) of schemes (m, p, 3), deg; `time` as largest sigma / wanted."""
+    """Return the objectives (m,) of schemes (m, p, 3), deg; `time` as largest sigma / wanted.
+
+    Examples
+    --------
+    >>> scheme = [[45, 0, 167], [350, 0, 325], [209, 0, 182], [134, 0, 141]]
+    >>> schemes = np.array([scheme], float)
+    >>> evaluate_positions(Problem(positions=4), schemes).shape
+    (1,)
+    """
     from schuler.kernels.scheme import scheme_values
 
     tables = Tables(problem.plant, problem.dwell)

@@ -24,7 +24,7 @@ from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.allan_variance.deviation import Allan
-    from schuler.allan_variance.fit import NoiseFit
+    from schuler.allan_variance.noise_fit import NoiseFit
 
 __all__ = ["command"]
 

@@ -90,6 +90,15 @@ def parse_scenario(data: Mapping[str, Any], name: str = "scenario") -> Scenario:
     ------
     InputError
         With the key and what was expected there.
+
+    Examples
+    --------
+    >>> scene = parse_scenario({
+    ...     "duration": "10 s", "rate": "20 Hz", "seed": 1, "instrument": "navigation-fog",
+    ...     "site": {"lat": 48.1}, "motion": {"kind": "static", "heading": 30},
+    ... })
+    >>> scene.samples
+    200
     """
     return _checked(copy.deepcopy(dict(data)), name, lambda keys: name, {})
 

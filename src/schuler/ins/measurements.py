@@ -28,6 +28,12 @@ class Position(Measurement):
     """Position of a point of the body: latitude, longitude (rad) and height (m).
 
     sigma is east, north and up, m.
+
+    Examples
+    --------
+    >>> place = [[site.latitude, site.longitude, site.height]]
+    >>> Position([1.0], place, [1.0, 1.0, 2.0], name="gnss", estimate=("lever",)).groups
+    [('gnss.lever', 3)]
     """
 
     KIND: ClassVar[int] = kernel.POSITION_FIX
@@ -36,7 +42,13 @@ class Position(Measurement):
 
 @dataclass(frozen=True, eq=False)
 class Velocity(Measurement):
-    """Velocity of a point of the body: east, north, up, m/s."""
+    """Velocity of a point of the body: east, north, up, m/s.
+
+    Examples
+    --------
+    >>> Velocity([1.0, 2.0], [[10.0, 0.0, 0.0], [10.1, 0.0, 0.0]], 0.05, name="gnss").label
+    'gnss'
+    """
 
     KIND: ClassVar[int] = kernel.VELOCITY_FIX
     LABEL: ClassVar[str] = "velocity"
@@ -44,7 +56,13 @@ class Velocity(Measurement):
 
 @dataclass(frozen=True, eq=False)
 class ZeroVelocity(Velocity):
-    """A point of the body is at rest."""
+    """A point of the body is at rest.
+
+    Examples
+    --------
+    >>> ZeroVelocity([1.0, 2.0], sigma=0.01).label
+    'zero_velocity'
+    """
 
     LABEL: ClassVar[str] = "zero_velocity"
 
@@ -61,6 +79,12 @@ class BodyVelocity(Measurement):
         Scale factor: (1 + scale) times the true velocity is measured.
     mount_axes : str
         Axes about which an estimated mounting rotates, of "xyz".
+
+    Examples
+    --------
+    >>> speeds = [[0.0, 10.0, 0.0], [0.0, 10.1, 0.0]]
+    >>> BodyVelocity([1.0, 2.0], speeds, 0.05, name="odometer", estimate=("scale",)).groups
+    [('odometer.scale', 1)]
     """
 
     mount: ArrayLike = (1.0, 0.0, 0.0, 0.0)
@@ -120,6 +144,11 @@ class Attitude(_OfMaster):
 
     sigma is east, north and up, rad. With the group "flexure" in the layout the master's mounting
     also bends.
+
+    Examples
+    --------
+    >>> Attitude([1.0, 2.0], np.zeros((2, 3)), 1e-3, name="master").label
+    'master'
     """
 
     KIND: ClassVar[int] = kernel.ATTITUDE_FIX
@@ -131,6 +160,11 @@ class Rate(_OfMaster):
     """Angular rate of a master against inertial space, its own body axes, rad/s.
 
     sigma is along the axes of the body that is navigated, rad/s.
+
+    Examples
+    --------
+    >>> Rate([1.0, 2.0], np.zeros((2, 3)), 1e-4, name="master").label
+    'master'
     """
 
     KIND: ClassVar[int] = kernel.RATE_FIX
@@ -142,6 +176,11 @@ class NonHolonomic(BodyVelocity):
     """A wheeled vehicle moves neither sideways nor up where its wheels touch the ground.
 
     sigma is one number for both, m/s.
+
+    Examples
+    --------
+    >>> NonHolonomic([1.0, 2.0], sigma=0.1, estimate=("mount",)).groups
+    [('non_holonomic.mount', 2)]
     """
 
     mount_axes: str = "xz"
@@ -157,7 +196,13 @@ class NonHolonomic(BodyVelocity):
 
 @dataclass(frozen=True, eq=False)
 class ZeroRate(Measurement):
-    """Mean angular rate of a body at rest, as the gyros read it, rad/s."""
+    """Mean angular rate of a body at rest, as the gyros read it, rad/s.
+
+    Examples
+    --------
+    >>> ZeroRate([1.0, 2.0], [[1e-5, 0.0, 0.0], [1e-5, 0.0, 0.0]], 1e-6).label
+    'zero_rate'
+    """
 
     KIND: ClassVar[int] = kernel.ZERO_RATE
     STATES: ClassVar[Mapping[str, int]] = {}
@@ -192,6 +237,11 @@ class Height(_Scalar):
     ----------
     offset : float
         Measured minus true height, m.
+
+    Examples
+    --------
+    >>> Height([1.0, 2.0], [500.0, 501.0], 1.0, estimate=("offset",)).groups
+    [('height.offset', 1)]
     """
 
     offset: float = 0.0
@@ -215,6 +265,11 @@ class Heading(_Scalar):
     ----------
     baseline : (3,) array_like
         In body axes; forward by default.
+
+    Examples
+    --------
+    >>> Heading([1.0, 2.0], [0.5, 0.51], 0.003).label
+    'heading'
     """
 
     baseline: ArrayLike = (0.0, 1.0, 0.0)
@@ -232,7 +287,13 @@ class Heading(_Scalar):
 
 @dataclass(frozen=True, eq=False)
 class OutputEpoch(Measurement):
-    """An instant at which nothing is measured: a row of output, and an epoch of the smoother."""
+    """An instant at which nothing is measured: a row of output, and an epoch of the smoother.
+
+    Examples
+    --------
+    >>> OutputEpoch([1.0, 2.0]).label
+    'output_epoch'
+    """
 
     KIND: ClassVar[int] = kernel.VELOCITY_FIX
     STATES: ClassVar[Mapping[str, int]] = {}
@@ -247,7 +308,13 @@ class OutputEpoch(Measurement):
 
 @dataclass(frozen=True, eq=False)
 class ZeroDisplacement(Measurement):
-    """A point of a stationary vehicle stays where it was at the start, m."""
+    """A point of a stationary vehicle stays where it was at the start, m.
+
+    Examples
+    --------
+    >>> ZeroDisplacement([1.0, 2.0], sigma=0.01).label
+    'zero_displacement'
+    """
 
     KIND: ClassVar[int] = kernel.ZERO_DISPLACEMENT
     STATES: ClassVar[Mapping[str, int]] = {"lever": 3}
@@ -256,7 +323,13 @@ class ZeroDisplacement(Measurement):
 
 @dataclass(frozen=True, eq=False)
 class ConstantBase(Measurement):
-    """The base of a stationary vehicle has not rotated since the start, rad."""
+    """The base of a stationary vehicle has not rotated since the start, rad.
+
+    Examples
+    --------
+    >>> ConstantBase([1.0, 2.0], sigma=1e-4).groups
+    [('base', 3)]
+    """
 
     KIND: ClassVar[int] = kernel.CONSTANT_BASE
     STATES: ClassVar[Mapping[str, int]] = {}
@@ -270,7 +343,13 @@ class ConstantBase(Measurement):
 
 @dataclass(frozen=True, eq=False)
 class ZeroForce(Measurement):
-    """The horizontal specific force of a stationary vehicle is zero on average, m/s^2."""
+    """The horizontal specific force of a stationary vehicle is zero on average, m/s^2.
+
+    Examples
+    --------
+    >>> ZeroForce([1.0, 2.0], sigma=0.01).label
+    'zero_force'
+    """
 
     KIND: ClassVar[int] = kernel.ZERO_FORCE
     STATES: ClassVar[Mapping[str, int]] = {}

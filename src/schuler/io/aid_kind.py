@@ -49,6 +49,11 @@ def aid_kind(path: str | Path) -> str | None:
     ----------
     path : str or Path
         A pipe is never looked at: what is taken from it is gone.
+
+    Examples
+    --------
+    >>> aid_kind("gnss.csv"), aid_kind("imu.csv")
+    ('fixes', None)
     """
     path = Path(path)
     if str(path) == "-" or is_pipe(path):

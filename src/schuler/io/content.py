@@ -105,7 +105,13 @@ class Content:
 
 @runtime_checkable
 class Reader(Protocol):
-    """What a format's reader is; the module's docstring says it in words."""
+    """What a format's reader is; the module's docstring says it in words.
+
+    Examples
+    --------
+    >>> isinstance(sc.io.readers()["npz"], Reader)
+    True
+    """
 
     name: str
     suffixes: tuple[str, ...]
@@ -122,7 +128,13 @@ class Reader(Protocol):
 
 
 def wrapped(opened: Any) -> Content:
-    """Return what a reader gives as a `Content`: a simple one gives pairs of time and values."""
+    """Return what a reader gives as a `Content`: a simple one gives pairs of time and values.
+
+    Examples
+    --------
+    >>> isinstance(wrapped([(np.arange(3.0), np.zeros((3, 6)))]), Content)
+    True
+    """
     if isinstance(opened, Content):
         return opened
 

@@ -73,7 +73,13 @@ _QUAT = ("qw", "qx", "qy", "qz")
 
 
 def truth_path(record: str | Path) -> Path:
-    """Return where the truth of a record goes: ``truck.truth.parquet`` beside ``truck.csv``."""
+    """Return where the truth of a record goes: ``truck.truth.parquet`` beside ``truck.csv``.
+
+    Examples
+    --------
+    >>> truth_path("truck.csv").name
+    'truck.truth.parquet'
+    """
     record = Path(record)
     return record.with_name(f"{record.stem}.truth.parquet")
 

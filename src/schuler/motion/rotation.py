@@ -37,6 +37,11 @@ class Limits:
         Furthest that an axis may be from its start, deg; None is a slip ring: no limit.
     encoder : float
         Resolution of the angle encoders, deg; 0 is perfect.
+
+    Examples
+    --------
+    >>> Limits(rate=20.0, travel=370.0).rate
+    20.0
     """
 
     rate: float = 10.0
@@ -78,6 +83,13 @@ class Scheme:
     ------
     InputError
         If a step asks for more than the table can do.
+
+    Examples
+    --------
+    >>> from schuler.motion import Dwell, Turn
+    >>> steps = (Dwell(60.0), Turn("psi", 180.0), Dwell(60.0), Turn("psi", -180.0))
+    >>> Scheme("to and fro", steps).period
+    158.0
     """
 
     name: str
@@ -249,7 +261,15 @@ class Scheme:
 
 @dataclass(frozen=True)
 class NorthLocked:
-    """A table on a carrier whose outer axis takes the carrier's heading out."""
+    """A table on a carrier whose outer axis takes the carrier's heading out.
+
+    Examples
+    --------
+    >>> from schuler.motion import Dwell, Static, Turntable
+    >>> locked = NorthLocked(Static(30.0), Turntable([Dwell(10.0)]))
+    >>> locked.track(np.array([0.0])).quat_nb.shape
+    (1, 4)
+    """
 
     carrier: Motion
     table: Motion
@@ -278,5 +298,10 @@ def carrier_attitude(imu: ArrayLike, encoder: ArrayLike) -> Array:
         q of the IMU, to n.
     encoder : (..., 3) array_like
         The table's psi, theta, gamma, rad.
+
+    Examples
+    --------
+    >>> carrier_attitude([1.0, 0.0, 0.0, 0.0], [np.pi / 2, 0.0, 0.0]).round(3).tolist()
+    [0.707, 0.0, 0.0, -0.707]
     """
     return multiply(imu, euler_to_quat(encoder) * [1.0, -1.0, -1.0, -1.0])

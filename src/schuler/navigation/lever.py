@@ -42,6 +42,12 @@ def at_lever(
     InputError
         For a lever that is not three finite numbers, or a path of fewer than three rows or
         without velocity or attitude.
+
+    Examples
+    --------
+    >>> antenna = at_lever(driven, [0.0, 0.0, 1.5])
+    >>> round(float((antenna.height - driven.height)[0]), 2)
+    1.5
     """
     l_b = np.asarray(lever, np.float64)
     if l_b.shape != (3,) or not np.all(np.isfinite(l_b)):

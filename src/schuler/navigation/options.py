@@ -29,6 +29,11 @@ class Gravity:
     ------
     InputError
         For an unknown model, or a value that is no gravity.
+
+    Examples
+    --------
+    >>> Gravity("constant", 9.7944).value
+    9.7944
     """
 
     model: str = "somigliana"
@@ -62,6 +67,13 @@ class Vertical:
     ------
     InputError
         For an unknown mode or a time constant that is not positive.
+
+    Examples
+    --------
+    >>> start = sc.Start.from_alignment(site, fix)
+    >>> path = sc.navigate(record, start, vertical=Vertical("damped", time_constant=20.0))
+    >>> bool(abs(path.height[-1] - site.height) < 1.0)
+    True
     """
 
     mode: str = "free"
@@ -102,6 +114,11 @@ def parse_gravity(text: str | Gravity | None) -> Gravity:
     ------
     InputError
         If it is neither.
+
+    Examples
+    --------
+    >>> parse_gravity("constant=9.7944").value
+    9.7944
     """
     if isinstance(text, Gravity):
         return text

@@ -69,6 +69,12 @@ class VelocityEmd(Prefilter):
         Their standard deviation over that of the velocity.
     seed : int
         Of these noises.
+
+    Examples
+    --------
+    >>> smooth = VelocityEmd(siftings=20)(record.between(None, 20.0))
+    >>> len(smooth)
+    400
     """
 
     threshold: float = 0.25

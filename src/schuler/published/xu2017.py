@@ -25,10 +25,9 @@ from schuler.centrifuge import (
 )
 from schuler.centrifuge.coefficients import coefficient_names, coefficient_units
 from schuler.centrifuge.plant import ORDERS
+from schuler.published.figures import Curve, Figure
 from schuler.published.result import (
-    Curve,
     Experiment,
-    Figure,
     Options,
     Row,
     call,

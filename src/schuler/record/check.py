@@ -38,6 +38,11 @@ def check_record(
     at_rest : bool
         The vehicle is meant to be at rest. Else only what no motion explains is said: over a
         record, the mean |f| of a vehicle is gravity within a tenth.
+
+    Examples
+    --------
+    >>> check_record(fix.summary, site=site)
+    []
     """
     gravity = STANDARD_GRAVITY if site is None else site.gravity
     force = summary.steady_force(gravity)

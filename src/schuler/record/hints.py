@@ -32,6 +32,11 @@ class Reading:
         Somebody said where the axes point.
     units_said : bool
         Somebody said the units, or they are not those of a file.
+
+    Examples
+    --------
+    >>> Reading(kind="rates", gyro_unit="deg/s", accel_unit="m/s^2").kind
+    'rates'
     """
 
     kind: str = "unknown"

@@ -53,6 +53,14 @@ class Intake:
     InputError
         From the constructor for a bad option; from `push` and `close` for bad rows, naming
         the data row (counted from 1) and its time.
+
+    Examples
+    --------
+    >>> intake = Intake("increments", rate=20.0)
+    >>> chunk = intake.push(record.time, np.hstack([record.dtheta, record.dvel]))
+    >>> rest = intake.close()
+    >>> len(chunk) + len(rest)
+    1200
     """
 
     def __init__(

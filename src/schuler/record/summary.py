@@ -44,6 +44,11 @@ class Stretch:
 
     It is disturbed beside the record's quietest tenth, or because the unit moved all the time: it
     turned, or its force was not that of rest, by bounds that do not depend on the record.
+
+    Examples
+    --------
+    >>> Stretch(0.0, 10.0, disturbed=False).end
+    10.0
     """
 
     start: float
@@ -168,7 +173,15 @@ class Summary(Shown):
 
 
 class Summariser:
-    """Gather a `Summary` chunk by chunk; any chunking gives the same."""
+    """Gather a `Summary` chunk by chunk; any chunking gives the same.
+
+    Examples
+    --------
+    >>> summariser = Summariser()
+    >>> summariser.push(record)
+    >>> summariser.summary().samples
+    1200
+    """
 
     def __init__(self) -> None:
         from schuler.kernels import blocks

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.allan_variance.deviation import Allan
-from schuler.allan_variance.fit import NoiseFit
+from schuler.allan_variance.noise_fit import NoiseFit
 from schuler.allan_variance.output import in_si, spoken, unit_of
 from schuler.reports.figure import scatter
 from schuler.reports.figures import BLUE, GREEN, ORANGE, figure_of, plot_layout

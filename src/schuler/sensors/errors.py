@@ -75,6 +75,11 @@ class GyroSpec(_TriadSpec):
         rad/s per K.
     full_scale : float
         Largest rate that is measured, rad/s; 0 is no limit.
+
+    Examples
+    --------
+    >>> GyroSpec(bias=5e-8, angle_random_walk=1e-6).white
+    1e-06
     """
 
     angle_random_walk: float = 0.0
@@ -118,6 +123,11 @@ class AccelerometerSpec(_TriadSpec):
         m/s^2 per K.
     full_scale : float
         m/s^2; 0 is no limit.
+
+    Examples
+    --------
+    >>> AccelerometerSpec(bias=1e-4, velocity_random_walk=5e-5).white
+    5e-05
     """
 
     velocity_random_walk: float = 0.0

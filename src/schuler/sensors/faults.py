@@ -38,6 +38,13 @@ class Fault:
         s.
     end : float
         s; the fault heals then.
+
+    Examples
+    --------
+    >>> time, dt, rng = np.arange(4.0), np.ones(4), np.random.default_rng(1)
+    >>> fault = Fault(2, "step", size=1e-5, start=1.5)
+    >>> fault.apply(time, dt, np.zeros((4, 6)), 1e-6, rng)[:, 2].tolist()
+    [0.0, 0.0, 1e-05, 1e-05]
     """
 
     sensor: int
@@ -130,6 +137,15 @@ def blame_by_rate(
         Standard deviation of one increment, rad.
     false_alarm : float
         For the largest of all sensors together.
+
+    Examples
+    --------
+    >>> from schuler.sensors import named_array
+    >>> array, rng = named_array("symmetric4"), np.random.default_rng(1)
+    >>> measured = 1e-6 * rng.standard_normal((100, 4))
+    >>> measured[:, 1] += 1e-5
+    >>> blame_by_rate(array, measured, [0.0, 0.0, 0.0], 1e-6).sensor
+    1
     """
     from scipy.special import ndtri
 

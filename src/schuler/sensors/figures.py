@@ -31,6 +31,13 @@ class ArrayFigures(Result):
         Of this array.
     hours : sequence of float
         Times at which the reliability is told, h.
+
+    Examples
+    --------
+    >>> from schuler.sensors import Lifetime, Reliability, named_array
+    >>> array = named_array("dodecahedron")
+    >>> ArrayFigures(array, Reliability(array, Lifetime(5000.0)), hours=(1000.0,)).isolable
+    True
     """
 
     array: SensorArray

@@ -34,6 +34,11 @@ class Lifetime:
         Mean life, h.
     shape : float
         Weibull's: 1 is exponential, above 1 wears out, below 1 dies young.
+
+    Examples
+    --------
+    >>> round(float(Lifetime(5000.0).survival(5000.0)), 3)
+    0.368
     """
 
     mtbf: float = 5000.0
@@ -69,6 +74,12 @@ class Reliability:
     life : Lifetime
     coverage : float
         Chance that a failure is detected, isolated and shut out, 0 to 1.
+
+    Examples
+    --------
+    >>> from schuler.sensors import named_array
+    >>> round(float(Reliability(named_array("symmetric4"), Lifetime(5000.0)).at(1000.0)), 3)
+    0.847
     """
 
     array: SensorArray

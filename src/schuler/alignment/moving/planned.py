@@ -51,6 +51,11 @@ class PlannedAid:
     ------
     InputError
         For a kind that there is not, nothing measured, or numbers that are not positive.
+
+    Examples
+    --------
+    >>> PlannedAid("gnss", velocity=0.05, position=1.0, rate=1.0)
+    PlannedAid(kind='gnss', velocity=0.05, position=1.0, rate=1.0)
     """
 
     kind: str
@@ -201,6 +206,14 @@ def path_table(
     ------
     InputError
         As `limit_on`, and for a time that the path does not last.
+
+    Examples
+    --------
+    >>> planned = [PlannedAid("gnss", position=1.0, velocity=0.05)]
+    >>> table = path_table(driven, spec, planned, [30.0, 60.0])
+    >>> first, last = (each.sigma_arcmin[2] for each in table.limits)
+    >>> bool(last < first)
+    True
     """
     instrument = load_spec(spec)
     if instrument is None or not aids:
