@@ -135,3 +135,19 @@ def test_every_public_name_has_an_example():
         and not (inspect.isclass(thing) and thing.__name__ in results)
     ]
     assert sorted(without) == sorted(SLOW)
+
+
+def test_every_method_of_what_schuler_exports_is_called_in_an_example():
+    sources = "\n".join(each.source for test in EXAMPLES for each in test.examples)
+    called = set(re.findall(r"\.(\w+)", sources))
+    without = []
+    for exported in (getattr(schuler, name) for name in schuler.__all__):
+        owners = exported.__mro__ if inspect.isclass(exported) else ()
+        for owner in owners:
+            if not owner.__module__.startswith("schuler."):
+                continue
+            for name, each in vars(owner).items():
+                function = getattr(each, "__func__", each)
+                if inspect.isfunction(function) and not name.startswith("_"):
+                    without += [] if name in called else [f"{owner.__name__}.{name}"]
+    assert not without

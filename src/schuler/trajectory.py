@@ -96,7 +96,13 @@ class Trajectory(Result):
         )  # fmt: skip
 
     def joined(self, after: Trajectory, covariance: Array | None = None) -> Trajectory:
-        """Return these rows and others after them, which know the same; the covariance is new."""
+        """Return these rows and others after them, which know the same; the covariance is new.
+
+        Examples
+        --------
+        >>> len(driven.rows(slice(0, 10)).joined(driven.rows(slice(10, 30))))
+        30
+        """
 
         def both(one: Array | None, other: Array | None) -> Array | None:
             return None if one is None or other is None else np.concatenate([one, other])
@@ -125,6 +131,11 @@ class Trajectory(Result):
         ------
         InputError
             If the trajectory has none.
+
+        Examples
+        --------
+        >>> driven.known("v_n").shape
+        (1201, 3)
         """
         value: Array | None = getattr(self, name)
         if value is None:

@@ -103,7 +103,13 @@ class Method(ABC):
         return wanted
 
     def with_prefilter(self, prefilter: Prefilter | None) -> Method:
-        """Return the method with another prefilter."""
+        """Return the method with another prefilter.
+
+        Examples
+        --------
+        >>> str(sc.Inertial("centred").with_prefilter(sc.LowPass(1.0)))
+        'centred(prefilter=lowpass(cutoff=1.0))'
+        """
         return replace(self, prefilter=prefilter)
 
     def to_table(self) -> dict[str, Any]:

@@ -105,6 +105,12 @@ class Calibration:
         ------
         InputError
             If it cannot be written.
+
+        Examples
+        --------
+        >>> Calibration(accel_bias=[0.01, 0.0, 0.0]).to_toml("unit.toml")
+        >>> round(float(Calibration.from_toml("unit.toml").accel_bias[0]), 3)
+        0.01
         """
         import tomli_w
 

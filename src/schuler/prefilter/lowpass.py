@@ -74,6 +74,11 @@ class LowPass(Prefilter):
         ------
         InputError
             If the cut-off is not below half the sampling rate.
+
+        Examples
+        --------
+        >>> sc.LowPass(1.0).sections(0.05).shape[1]
+        6
         """
         from scipy import signal
 
@@ -86,7 +91,13 @@ class LowPass(Prefilter):
         return np.asarray(signal.butter(self.order, self.cutoff, fs=rate, output="sos"))
 
     def taps(self, interval: float) -> Array:
-        """Return the taps (k,) of the FIR filter for a sampling interval, s."""
+        """Return the taps (k,) of the FIR filter for a sampling interval, s.
+
+        Examples
+        --------
+        >>> len(sc.LowPass(1.0).taps(0.05)) % 2
+        1
+        """
         from scipy import signal
 
         count = 2 * round(1.65 / (self.cutoff * interval)) + 1
@@ -133,11 +144,24 @@ class LowPass(Prefilter):
         return each_channel(record, self.channels, self.frame, run)
 
     def memory(self, interval: float) -> int:
-        """Return the samples after which the filter has forgotten its start."""
+        """Return the samples after which the filter has forgotten its start.
+
+        Examples
+        --------
+        >>> sc.LowPass(1.0).memory(0.05) > 0
+        True
+        """
         return int(3.0 / (self.cutoff * interval)) + 1
 
     def stream(self) -> LowPassStream:
-        """Return a filter that takes chunks; its samples do not depend on the chunking."""
+        """Return a filter that takes chunks; its samples do not depend on the chunking.
+
+        Examples
+        --------
+        >>> stream = sc.LowPass(1.0, frame="body").stream()
+        >>> type(stream).__name__
+        'LowPassStream'
+        """
         if self.zero_phase or self.kind != "butterworth" or self.frame != "body":
             raise InputError(
                 "only the causal Butterworth filter in the body's frame can run on a stream"

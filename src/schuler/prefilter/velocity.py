@@ -121,6 +121,13 @@ class VelocityEmd(Prefilter):
             Intrinsic mode functions, the fastest first, and the residual.
         trend : (n,) float64
             The polynomial.
+
+        Examples
+        --------
+        >>> velocity = np.cumsum(record.dvel[:, 0])
+        >>> modes, trend = sc.VelocityEmd(siftings=20).modes(velocity, 0.05)
+        >>> bool(np.allclose(modes.sum(axis=0) + trend, velocity))
+        True
         """
         basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(velocity)), self.trend)
         coefficients = np.linalg.lstsq(basis, velocity, rcond=None)[0]

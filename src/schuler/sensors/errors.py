@@ -281,7 +281,13 @@ class ImuSpec:
             raise InputError(f"{path}: {error}") from None
 
     def with_white_noise(self, factor: float) -> ImuSpec:
-        """Return the same instrument with its angle and velocity random walk times a factor."""
+        """Return the same instrument with its angle and velocity random walk times a factor.
+
+        Examples
+        --------
+        >>> round(spec.with_white_noise(2.0).gyro.white / spec.gyro.white, 6)
+        2.0
+        """
         walk = factor * self.gyro.angle_random_walk
         return replace(
             self,
@@ -293,7 +299,13 @@ class ImuSpec:
         )
 
     def describe(self) -> dict[str, dict[str, str]]:
-        """Return the spec in the units that people speak, as `from_dict` would take it."""
+        """Return the spec in the units that people speak, as `from_dict` would take it.
+
+        Examples
+        --------
+        >>> sorted(spec.describe())
+        ['accelerometer', 'gyro']
+        """
         out: dict[str, dict[str, str]] = {}
         for section, part, keys in (
             ("gyro", self.gyro, _GYRO_KEYS),
