@@ -150,7 +150,7 @@ class Trajectory(Result):
 
     @property
     def final(self) -> dict[str, Any]:
-        """The last row in the units that people speak; None for what is not known."""
+        """The last row in customary units; None for what is not known."""
         out: dict[str, Any] = {
             "time_s": float(self.time[-1]),
             "lat_deg": float(self.lat[-1] / DEG),

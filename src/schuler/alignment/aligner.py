@@ -195,7 +195,7 @@ class Aligner:
         self._subsamples = int(wanted)
 
     def arrays(self) -> dict[str, Array]:
-        """Return all that a later aligner needs to go on in this one's place."""
+        """Return all that a later aligner needs to resume in this one's place."""
         return {
             "tracker": self._state.data.copy(),
             "tracker_nodes": self._nodes[: int(self._state.nodes)].copy(),

@@ -160,7 +160,7 @@ def position_limit(
     if not (np.isfinite(interval) and interval > 0):
         raise InputError(f"the sampling interval must be a positive time, got {interval} s")
     if abs(np.cos(site.latitude)) < 1e-6:
-        raise InputError("at a pole the Earth's rotation does not show the heading")
+        raise InputError("at a pole the heading is not observable by the Earth's rotation")
     which, start, dt = _stretches(np.array([p.dwell for p in positions]))
     turned = np.stack([p.matrix.T for p in positions])[which]
     up = np.array([0.0, 0.0, site.gravity])

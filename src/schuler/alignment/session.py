@@ -34,7 +34,7 @@ _CONTRADICTS = 4.0
 """Sigmas of the difference between two spans' headings."""
 
 _TELLS = 10.0
-"""Sigma of the heading beyond which a span tells nothing of north, deg."""
+"""Sigma of the heading beyond which a span has no heading, deg."""
 
 
 @dataclass(frozen=True)

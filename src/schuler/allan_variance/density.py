@@ -32,7 +32,7 @@ class Density:
     Parameters
     ----------
     value : float
-        SI. An axis that does not show it enters with the limit under which it is with 95 %.
+        SI. An axis in which it is not observable enters with the limit under which it is with 95 %.
     seen : int
         Axes that show it.
     axes : int

@@ -1,7 +1,7 @@
 """Fitted noise as the parameter files of other tools, each with the tool's own rule.
 
 kalibr, openvins
-    Continuous densities (`Densities`) and the rate; OpenVINS wants the intrinsic matrices too,
+    Continuous densities (`Densities`) and the rate; OpenVINS needs the intrinsic matrices too,
     identities where none are known.
 vins
     Its preintegration (VINS-Mono, VINS-Fusion) takes two independent samples, each with half the

@@ -201,8 +201,8 @@ def fit_noise(found: Allan) -> NoiseFit:
     Returns
     -------
     NoiseFit
-        Terms that the record does not show (leaving them out costs less than 9 of chi-square)
-        have no value but a limit.
+        Terms that are not observable in the record (leaving them out costs less than 9 of
+        chi-square) have no value but a limit.
 
     Raises
     ------

@@ -42,11 +42,11 @@ class NoiseTerm:
     Parameters
     ----------
     value, sigma : float or None
-        The coefficient and its standard deviation; None where the record does not show it.
+        The coefficient and its standard deviation; None where it is not observable in the record.
     below : float
         The coefficient is under this with 95 % confidence.
     unit : str
-        The unit in which people speak of it.
+        The customary unit.
 
     Examples
     --------

@@ -2,7 +2,7 @@
 
 Positions are dwells in a record, or records of one dwell each. Where the table put the instrument
 is either given in a sequence, or told from the force: the nearest of the known directions of 6, 12,
-18 or 24 positions. What a test does not show is taken from an earlier calibration (`base`).
+18 or 24 positions. What is not observable in a test is taken from an earlier calibration (`base`).
 """
 
 from __future__ import annotations
@@ -189,7 +189,7 @@ def calibrate_positions(
     site : Site, optional
         With attitudes: its Earth rate shows the gyros' bias.
     base : Calibration, optional
-        Has what this test does not show.
+        Has what is not observable in this test.
     initial : float
         Rest at the start of a record in which the dwells are found, s.
     name : str
@@ -197,7 +197,7 @@ def calibrate_positions(
     Raises
     ------
     InputError
-        For dwells that are not as many as the positions, or do not show every axis.
+        For dwells that are not as many as the positions, or leave an axis that is not observable.
 
     Examples
     --------
@@ -260,13 +260,13 @@ def calibrate_rates(
     site : Site
         Its Earth rate along the table's axis is taken off.
     base : Calibration, optional
-        Has what this test does not show: the accelerometers.
+        Has what is not observable in this test: the accelerometers.
     name : str
 
     Raises
     ------
     InputError
-        For turns that are not found in the record, or do not show every axis.
+        For turns that are not found in the record, or leave an axis that is not observable.
 
     Examples
     --------

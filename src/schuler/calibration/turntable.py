@@ -126,7 +126,9 @@ def static_test(outputs: ArrayLike, truth: ArrayLike, sigma: float | None = None
     values, vectors = np.linalg.eigh(inner)
     if values[0] < 1e-9 * values[-1]:
         most = ("the bias", "axis x", "axis y", "axis z")[int(np.argmax(np.abs(vectors[:, 0])))]
-        raise InputError(f"these positions do not show {most}: turn every axis up and down")
+        raise InputError(
+            f"{most} is not observable in these positions: turn every axis up and down"
+        )
     inverse = np.linalg.inv(inner)
     theta = inverse @ design.T @ y
     residual = y - design @ theta

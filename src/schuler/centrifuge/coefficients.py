@@ -50,7 +50,7 @@ def coefficient_names(d_oo: bool = False) -> tuple[str, ...]:
 
 
 def coefficient_units(d_oo: bool = False) -> tuple[tuple[str, ...], Array]:
-    """Return the unknowns' spoken units and what one of each is inside (rad/s, g, rad).
+    """Return the unknowns' customary units and what one of each is inside (rad/s, g, rad).
 
     Examples
     --------

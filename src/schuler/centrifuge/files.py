@@ -133,7 +133,7 @@ def _scheme(table: Any) -> CentrifugeScheme:
 
 
 def true_coefficients(table: Mapping[str, Any], plant: Plant) -> Array:
-    """Return coefficients (n,), inside units, from a table in spoken units.
+    """Return coefficients (n,), inside units, from a table in customary units.
 
     Each term (``D_F`` ... ``k_IP``) has three numbers for x, y, z, and ``th`` the mounting angles
     th_py, th_pz, th_oz. What is left out is as published; D_OO like D_II.

@@ -22,7 +22,7 @@ __all__ = ["Ekf", "PlatformFit", "fit_platform"]
 
 Array = NDArray[np.float64]
 
-#: 1 sigma of the coefficients before the test, in their spoken units
+#: 1 sigma of the coefficients before the test, in their customary units
 PRIOR = {"D_F": 30.0, "D_": 5.0, "D__": 0.5, "k0": 2e4, "k1": 5e3, "k2": 100.0, "k3": 30.0,
          "k_": 50.0, "th": 2000.0}  # fmt: skip
 
@@ -183,7 +183,7 @@ def fit_platform(
     walk = (np.deg2rad(method.drift_noise) / 60.0) ** 2
     start = nominal.copy()
     for lap in range(method.passes):
-        tally = np.zeros(2)
+        innovation_sums = np.zeros(2)
         held = np.diag(np.concatenate([sigma, np.zeros(6)]))
         if not method.square_root:
             held = held**2
@@ -201,7 +201,7 @@ def fit_platform(
                 state, off, held, begun[k], rows[k], plant.order_number, plant.gyro_axes,
                 plant.turning, levels[k], plant.omega, plant.earth, method.step, every,
                 plant.terms, (1e-6 * plant.noise) ** 2, walk, lap > 0,
-                int(method.square_root), tally,
+                int(method.square_root), innovation_sums,
             )  # fmt: skip
             _refuse_divergence(state, held, k, method.square_root)
             state_start[k] = state[n + 3 :]
@@ -217,7 +217,7 @@ def fit_platform(
     units, factor = coefficient_units(plant.d_oo)
     return PlatformFit(
         coefficient_names(plant.d_oo), units, factor, state[:n].copy(), cov,
-        float(tally[0] / max(tally[1], 1.0)), int(tally[1]),
+        float(innovation_sums[0] / max(innovation_sums[1], 1.0)), int(innovation_sums[1]),
     )  # fmt: skip
 
 

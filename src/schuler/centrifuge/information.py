@@ -1,4 +1,4 @@
-"""Information of a centrifuge test: what its positions tell of the coefficients."""
+"""Information of a centrifuge test: what its positions contribute to the coefficients."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def _needs_still(plant: Plant) -> None:
 def position_matrices(
     tables: Tables, positions: ArrayLike, level: Sequence[int] | None = None
 ) -> Array:
-    """Return what each position tells of the coefficients, (p, n, n), its attitude marginalised.
+    """Return the information of each position, (p, n, n), its attitude marginalised.
 
     Parameters
     ----------

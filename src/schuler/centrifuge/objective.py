@@ -117,7 +117,7 @@ def judge(
     Raises
     ------
     InputError
-        If the scheme does not show every coefficient, naming the one most in what is not seen.
+        If a coefficient is not observable in the scheme, naming the one most in what is not seen.
 
     Examples
     --------

@@ -86,10 +86,10 @@ def write_outputs(
 def _write_truth(path: Path, plant: Plant, scheme: CentrifugeScheme, truth: Array) -> None:
     import tomli_w
 
-    spoken = truth / coefficient_units(plant.d_oo)[1]
+    customary = truth / coefficient_units(plant.d_oo)[1]
     names = coefficient_names(plant.d_oo)
     table: dict[str, list[float]] = {}
-    for name, value in zip(names, spoken, strict=True):
+    for name, value in zip(names, customary, strict=True):
         # Fifteen digits: a unit's factor leaves 0.060000000000000005 else.
         table.setdefault("th" if name.startswith("th") else name[:-1], []).append(
             float(f"{value:.15g}")

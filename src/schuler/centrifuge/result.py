@@ -78,7 +78,7 @@ class CentrifugeTest(Result):
         ]
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return a row for each coefficient, in its spoken unit."""
+        """Return a row for each coefficient, in its customary unit."""
         units, factor = coefficient_units(self.plant.d_oo)
         published = true_coefficients({}, self.plant)
         printed = iter(PUBLISHED_ESTIMATES)
@@ -175,7 +175,7 @@ def identify(
     Raises
     ------
     InputError
-        For outputs that do not fit, or a scheme that does not show every coefficient.
+        For outputs that do not fit, or a scheme in which a coefficient is not observable.
 
     Examples
     --------

@@ -27,7 +27,7 @@ LABELS = {
 
 @dataclass(frozen=True)
 class Scorecard:
-    """Values of a scheme by objective; infinite where it does not show every coefficient.
+    """Values of a scheme by objective; infinite where a coefficient is not observable.
 
     Parameters
     ----------
@@ -124,6 +124,6 @@ def score(
     try:
         values = dict(judge(plant, positions, dwell, objective).values)
     except InputError:
-        # A scheme that does not show every coefficient at this dwell.
+        # A scheme in which a coefficient is not observable at this dwell.
         values = dict.fromkeys((name for name in OBJECTIVES if name != "time"), float("inf"))
     return {**values, "time": time_to_reach(plant, positions, objective)}

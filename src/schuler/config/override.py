@@ -19,9 +19,9 @@ def spec_table(spec: ImuSpec) -> dict[str, Any]:
     from dataclasses import fields
 
     out: dict[str, Any] = {"name": spec.name, "source": spec.source}
-    spoken = spec.describe()
+    customary = spec.describe()
     for section, part in (("gyro", spec.gyro), ("accelerometer", spec.accelerometer)):
-        units = {key: text.split(" ", 1)[1] for key, text in spoken[section].items()}
+        units = {key: text.split(" ", 1)[1] for key, text in customary[section].items()}
         out[section] = {
             f.name: f"{to_unit(getattr(part, f.name), units[f.name])!r} {units[f.name]}"
             for f in fields(part)

@@ -73,6 +73,6 @@ def covariance_of(information: Array, names: tuple[str, ...]) -> Array:
     values, vectors = np.linalg.eigh(scaled)
     if values[0] <= 1e-13 * values[-1]:
         worst = names[int(np.argmax(np.abs(vectors[:, 0])))]
-        raise InputError(f"these measurements do not show {worst}")
+        raise InputError(f"not observable in these measurements: {worst}")
     inverse = (vectors / values) @ vectors.T
     return np.asarray(inverse / np.outer(scale, scale))

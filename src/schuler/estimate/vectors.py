@@ -139,7 +139,7 @@ def triad(r1: ArrayLike, r2: ArrayLike, v1: ArrayLike, v2: ArrayLike) -> Array:
 
 
 def triad_jacobian(r1: ArrayLike, r2: ArrayLike) -> tuple[Array, Array]:
-    """Return how phi of `triad` answers to errors of the two observed vectors, (3, 3) each.
+    """Return how phi of `triad` responds to errors of the two observed vectors, (3, 3) each.
 
     The errors are those of R v, in the reference frame and in the vectors' unit; phi is linear in
     them as long as they are small.

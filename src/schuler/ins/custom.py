@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """What a measurement may ask of a filter at its instant.
+    """What a measurement may use of a filter at its instant.
 
     Parameters
     ----------

@@ -73,7 +73,7 @@ def aid_kind(path: str | Path) -> str | None:
                 return "fixes"
             return _named(set(names))
     except (InputError, OSError):
-        # What is damaged is spoken of by whoever reads it.
+        # What is damaged is said by whoever reads it.
         return None
 
 

@@ -321,7 +321,7 @@ class PacketParser:
             if self.key is not None:
                 return "unauthenticated"
         else:
-            # Without the key nothing tells a damaged frame from a whole one.
+            # Without the key a damaged frame cannot be told from a whole one.
             if self.key is None:
                 return "unverified"
             body, tag = frame[:-_TAG_BYTES], frame[-_TAG_BYTES:]

@@ -74,7 +74,7 @@ class Source:
     kind : str
         ``"rates"``, ``"mean-rates"`` or ``"increments"``.
     assumed : list of str
-        What nobody said and was assumed: axes, units; each in a few words.
+        What was not given and was assumed: axes, units; each in a few words.
     contradictions : list of str
         What the record contradicts in itself and could not be resolved, as a faulty gyro of an
         array that cannot be told; may grow while reading.

@@ -31,7 +31,7 @@ from schuler.io.packets import KINDS, LARGEST_TIME, Packet
 __all__ = ["Change", "Part", "Streams"]
 
 ENOUGH = 256
-"""Samples of another stream that replace a silent one where no clock tells the silence."""
+"""Samples of another stream that replace a silent one where no clock measures the silence."""
 
 SILENCE = 2.0
 """Time without a sample after which a stream may be replaced, s."""
@@ -181,7 +181,7 @@ class Streams:
         fits = stream.line.fits(number, packet.time)
         if abs(number - top) > WINDOW:
             if number < top and fits:
-                # Nobody but the sender could go on with a run that has a key.
+                # Nobody but the sender can continue a run that has a key.
                 if packet.run:
                     self.counts["late"] += 1
                     return None

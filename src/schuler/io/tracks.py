@@ -1,6 +1,6 @@
 """Trajectories as tracks for maps: GPX and KML.
 
-Both want longitudes within 180 degrees, and programs draw a line from one point to the next: a
+Both need longitudes within 180 degrees, and programs draw a line from one point to the next: a
 track is cut where it crosses the date line. Their times are UTC, which a trajectory does not know,
 so that they have none. Heights are above the ellipsoid, and the files say so.
 """

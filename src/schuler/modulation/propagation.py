@@ -164,7 +164,7 @@ def turned(scheme: Scheme, duration: float, step: float = STEP) -> Turned:
 
 
 def _weights(lat: float, height: float, n: int, step: float) -> Array:
-    """Return how the level position at the end answers to u in each step, (n, 2, 5)."""
+    """Return how the horizontal position at the end responds to u in each step, (n, 2, 5)."""
     from scipy.linalg import expm
 
     f = error_matrix(lat, height)

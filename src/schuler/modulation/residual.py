@@ -54,7 +54,7 @@ class SchemeResidual:
     period: float
 
     def to_dict(self, lat: float) -> dict[str, Any]:
-        """Return the residuals in spoken units, at a latitude (deg).
+        """Return the residuals in customary units, at a latitude (deg).
 
         Scale factor terms are for 1 ppm, misalignments for 1 arcsec, in deg/h.
         """

@@ -82,7 +82,7 @@ class Scheme:
     Raises
     ------
     InputError
-        If a step asks for more than the table can do.
+        If a step needs more than the table can do.
 
     Examples
     --------

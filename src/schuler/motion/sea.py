@@ -1,4 +1,4 @@
-"""A ship: a wave spectrum, and how the hull answers it in roll, pitch, yaw and heave.
+"""A ship: a wave spectrum, and how the hull responds to it in roll, pitch, yaw and heave.
 
 The surface is a sum of waves drawn from a Pierson-Moskowitz or JONSWAP spectrum. Roll and pitch
 answer the wave's slope, heave its height, each as a damped oscillator with the hull's natural
@@ -70,7 +70,7 @@ class Sea:
 
 @dataclass(frozen=True)
 class Hull:
-    """How a hull answers: natural periods (s), damping ratios, and shares of slope and height.
+    """How a hull responds: natural periods (s), damping ratios, and shares of slope and height.
 
     Defaults are those of a ship of some thousand tons.
 

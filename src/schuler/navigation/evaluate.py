@@ -181,7 +181,7 @@ class Evaluation(Result):
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the figures, in the units that people speak."""
+        """Return the figures, in customary units."""
         e, n, u = (float(v) for v in self.position[-1])
         out: dict[str, Any] = {
             "reference": self.reference, "rows": len(self.time), "time_s": float(self.time[-1]),

@@ -32,7 +32,7 @@ def at_lever(
     lever : (3,) array_like
         From the IMU, in body axes (right, forward, up), m.
     rate_n : (n, 3) array_like, optional
-        The body's rate against the level frame, rad/s; by default `rates` of the path, which wants
+        The body's rate against the level frame, rad/s; by default `rates` of the path, which needs
         every sample of a fast motion.
     covariances : (n, 9, 9) array_like, optional
         Of phi (rad), velocity (m/s) and position (m) of the path, East-North-Up.

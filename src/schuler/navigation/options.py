@@ -96,7 +96,7 @@ class Vertical:
     def gains(self) -> tuple[float, float, float]:
         """Gains of velocity (1/s), acceleration (1/s^2) and its integral (1/s^3)."""
         r = 1.0 / self.time_constant
-        # 2 g/R is what the pole of the free channel asks for on top.
+        # 2 g/R is what the pole of the free channel needs on top.
         return 3.0 * r, 3.0 * r * r + 3.08e-6, r**3
 
 

@@ -89,7 +89,7 @@ def force_hint(
     reading : Reading, optional
         How the values were read.
     small : bool
-        Speak of differences below 10 % as well, which only a vehicle at rest cannot have.
+        Say differences below 10 % as well, which only a vehicle at rest cannot have.
     """
     reading = reading or Reading()
     if not (mean_force > 0 and math.isfinite(mean_force)):

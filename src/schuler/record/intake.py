@@ -155,7 +155,7 @@ class Intake:
         return Quality.from_state(self._state, self._nominal or 0.0, self.kind, spikes)
 
     def arrays(self) -> dict[str, Array]:
-        """Return all that a later intake needs to go on in this one's place."""
+        """Return all that a later intake needs to resume in this one's place."""
         times = [t for t, _, _ in self._waiting]
         rows = [v for _, v, _ in self._waiting]
         return {

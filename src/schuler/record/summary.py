@@ -205,7 +205,7 @@ class Summariser:
         )
 
     def arrays(self) -> dict[str, Array]:
-        """Return all that a later summariser needs to go on in this one's place."""
+        """Return all that a later summariser needs to resume in this one's place."""
         # Rows after the one under way are zero.
         rows = int(self._state.rows) + 1
         return {"summary": self._state.data.copy(), "summary_table": self._table[:rows].copy()}

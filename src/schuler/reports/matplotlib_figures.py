@@ -1,7 +1,7 @@
 """Draw the figures of the reports by Matplotlib: the same description, without a browser.
 
 Covers what the reports use of Plotly: lines, points, bands, bars, error bars, heat maps,
-logarithmic and categorical axes, shapes and annotations. Matplotlib lives only here.
+logarithmic and categorical axes, shapes and annotations. Matplotlib is imported only here.
 """
 
 from __future__ import annotations

@@ -144,7 +144,7 @@ class AccelerometerSpec(_TriadSpec):
         return self.acceleration_random_walk
 
 
-#: key -> (dimension, unit in which people speak of it)
+#: key -> (dimension, customary unit)
 _SHARED_KEYS = {
     "gauss_markov_time": ("time", "s"),
     "scale_factor": ("ratio", "ppm"),
@@ -179,11 +179,11 @@ _ACCEL_KEYS = {
 }
 
 
-#: the unit to go on with when a number reaches a thousand
+#: the next unit, for a number that reaches a thousand
 _LARGER = {"ug": "mg", "deg/h": "deg/s", "ug/sqrt(Hz)": "mg/sqrt(Hz)", "mm/s": "m/s"}
 
 
-def _spoken(value: float, unit: str) -> str:
+def _with_unit(value: float, unit: str) -> str:
     number = to_unit(value, unit)
     if number >= 1000.0 and unit in _LARGER:
         unit = _LARGER[unit]
@@ -299,7 +299,7 @@ class ImuSpec:
         )
 
     def describe(self) -> dict[str, dict[str, str]]:
-        """Return the spec in the units that people speak, as `from_dict` would take it.
+        """Return the spec in customary units, as `from_dict` would take it.
 
         Examples
         --------
@@ -312,7 +312,7 @@ class ImuSpec:
             ("accelerometer", self.accelerometer, _ACCEL_KEYS),
         ):
             out[section] = {
-                f.name: _spoken(getattr(part, f.name), keys[f.name][1])
+                f.name: _with_unit(getattr(part, f.name), keys[f.name][1])
                 for f in fields(part)
                 if getattr(part, f.name) > 0
             }

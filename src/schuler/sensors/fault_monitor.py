@@ -110,8 +110,8 @@ class FaultMonitor:
             elif seen and not self._silent:
                 self._say(
                     time, "detected", None,
-                    f"{len(working)} sensors show that one is wrong, not which: blame needs five, "
-                    "or a rate known from elsewhere (an alignment, a turn of the table)",
+                    f"{len(working)} sensors show that one is wrong, not which: isolation needs "
+                    "five, or a rate known from elsewhere (an alignment, a turn of the table)",
                 )  # fmt: skip
             # A window that misses does not end a fault: only as many as heal a sensor.
             self._unseen = 0 if seen else self._unseen + 1

@@ -72,7 +72,7 @@ class ArrayFigures(Result):
 
     @property
     def isolable(self) -> bool:
-        """Whether the parity alone tells which sensor is wrong."""
+        """Whether the parity alone isolates the faulty sensor."""
         return len(self.array) > 3 and isolable(self.array)
 
     def columns(self) -> dict[str, Any]:

@@ -55,7 +55,7 @@ def parity_matrix(array: SensorArray, working: Sequence[int] | None = None) -> A
 
 
 def isolable(array: SensorArray, working: Sequence[int] | None = None) -> bool:
-    """Say whether parity alone can blame one sensor: no two columns of V point the same way.
+    """Say whether parity alone can isolate one sensor: no two columns of V point the same way.
 
     Examples
     --------
@@ -168,7 +168,9 @@ class ParityTest:
             raise InputError(f"a miss rate is 0 to {1 - self.false_alarm:g}, got {miss}")
         unit = self.non_centrality(sensor, 1.0)
         if unit <= 0:
-            raise InputError(f"sensor {sensor} does not show in the parity: no fault of it is seen")
+            raise InputError(
+                f"sensor {sensor} does not enter the parity: no fault of it is detected"
+            )
         found = brentq(
             lambda x: chndtr(self.threshold, self.freedom, x) - miss, 1e-9, 1e4, xtol=1e-9
         )

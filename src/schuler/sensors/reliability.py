@@ -1,7 +1,7 @@
 """Reliability of an array, exactly: which sets of sensors still work, and how long they live.
 
 An array works while its working sensors measure all three axes. With N_k such sets of k sensors,
-survival p(t) of one, and coverage c (the chance that a failure is found and shut out),
+survival p(t) of one, and coverage c (the chance that a failure is found and excluded),
 
     R(t) = sum over k of N_k p^k (c (1 - p))^(n - k).
 
@@ -33,7 +33,7 @@ class Lifetime:
     mtbf : float
         Mean life, h.
     shape : float
-        Weibull's: 1 is exponential, above 1 wears out, below 1 dies young.
+        Weibull's: 1 is exponential, above 1 wears out, below 1 fails early.
 
     Examples
     --------
@@ -73,7 +73,7 @@ class Reliability:
     array : SensorArray
     life : Lifetime
     coverage : float
-        Chance that a failure is detected, isolated and shut out, 0 to 1.
+        Chance that a failure is detected, isolated and excluded, 0 to 1.
 
     Examples
     --------

@@ -129,12 +129,12 @@ def bias_priors(spec: ImuSpec | None) -> tuple[float, float]:
 
 
 def gains(
-    series: Series, weighed: Weighed, spec: ImuSpec | None, base_rate: float, carried: Array,
+    series: Series, weighed: Weighed, spec: ImuSpec | None, base_rate: float, propagated: Array,
     local: Array, free_latitude: bool,
 ) -> tuple[Array, Array, Array, Array, Array, Array, Array]:  # fmt: skip
     """Return what a unit of attitude (m, k, 3) and of velocity (m, k, 2) makes of the unknowns.
 
-    Then the same of phi at the end, which the gyros' biases and noise have carried on (best linear
+    Then the same of phi at the end, which the gyros' biases and noise have propagated (best linear
     prediction: what the residuals say of the noise up to the end is part of it); the covariance
     (k, k) of phi_0 and the biases, and of the latitude where it is free; and how all of these, and
     phi at the end, answer to the mean (3,) of the gyro biases' prior, and to a turn of the base.
@@ -146,7 +146,7 @@ def gains(
     spec : ImuSpec or None
     base_rate : float
         1-sigma of a steady turn of the base about each axis, rad/s.
-    carried : (3, 3) float64
+    propagated : (3, 3) float64
         Turn in i0 at the end for a unit of gyro bias, s.
     local : (3, 3) float64
         C_i0^n in the middle.
@@ -158,7 +158,7 @@ def gains(
     prior[3:9] = np.repeat(1.0 / np.square(bias_priors(spec)), 3)
     prior[NormalEquations.BASE_RATE] = 1.0 / max(base_rate, _FREE_GYRO) ** 2
     end = np.zeros((3, n))
-    end[:, :3], end[:, 3:6] = np.eye(3), -carried
+    end[:, :3], end[:, 3:6] = np.eye(3), -propagated
     for each in weighed.groups:
         end += np.outer(local[each.turn], each.prediction @ each.jacobian)
     latitude = n + NormalEquations.LATITUDE

@@ -1,4 +1,4 @@
-"""The optimal linear estimate of attitude and biases: all that the record tells, weighted.
+"""The optimal linear estimate of attitude and biases: all the information in the record, weighted.
 
 Two series see the same small attitude error phi_0 (in i0): the velocity that the force makes in
 the frame that the gyros hold, which gravity's turn bends, and the attitude of the base itself as
@@ -59,7 +59,7 @@ BLOCKS = 128
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """How phi at one instant, in i0, answers to errors of the two series.
+    """How phi at one instant, in i0, responds to errors of the two series.
 
     Parameters
     ----------
@@ -125,10 +125,10 @@ class OptimalAlignment:
     covariance : (9, 9) float64
         Of phi_0 (in i0) and the biases.
     start, end : Answer
-        How phi at the start and at the end, both in i0, answers to the series.
+        How phi at the start and at the end, both in i0, responds to the series.
     end_turn : (3,) float64
-        Turn in i0 by which the gyros' biases and noise, as far as they are estimated, have carried
-        the tracked attitude at the end.
+        Turn in i0 by which the gyros' biases and noise, as far as they are estimated, move the
+        tracked attitude at the end.
     levels : Levels
         Of the motion in the velocity (`disturbance_levels`).
     history : History
@@ -258,13 +258,13 @@ def _joint(
     turns = turns_from_middle(q, r, local, dwells)
     series = make_series(h, site, spec, levels, local, attitude, turns, dwells)
     series = with_tests(series, h, site, local, dwells)
-    carried = np.einsum("iab,i->ab", attitude, dt)
+    propagated = np.einsum("iab,i->ab", attitude, dt)
     weighed = weigh(series)
     normal = weighed.normal(turns, e)
     # Of a latitude that is not known, a turn of the base cannot be told apart.
     base_rate, at_rest = (0.0, 1.0) if free_latitude else normal.base_rate(*bias_priors(spec))
     gain_a, gain_v, end_a, end_v, covariance, by_prior, by_base = gains(
-        series, weighed, spec, base_rate, carried, local[m // 2], free_latitude
+        series, weighed, spec, base_rate, propagated, local[m // 2], free_latitude
     )
     # The prior of what is left of the bias is about the negative of what was taken off.
     shift, end_shift = np.split(by_prior @ -removed, [len(by_prior) - 3])
