@@ -121,7 +121,7 @@ class Analytic(Method):
 
 @dataclass(frozen=True)
 class Auto(Method):
-    """The method that the record calls for (`schuler.alignment.choose`).
+    """The method that the record calls for (`schuler.alignment.estimate`).
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ from schuler.io.registry import find_reader
 from schuler.io.span import RecordTime, Span
 from schuler.io.spool import GZIP, Spooled, Unpacked, is_pipe, ordinary
 from schuler.record import ImuRecord, Intake, Quality
-from schuler.record.hints import Reading
+from schuler.record.check import Reading
 from schuler.sensors.array_check import ArrayCheck, ArrayVerdict
 
 __all__ = ["FOLDER_MAPPING", "Source"]

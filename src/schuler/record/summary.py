@@ -13,8 +13,7 @@ from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G, STANDARD_GRAVITY
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.kernels.states import StretchSums, SummaryState
-from schuler.record.check import check_record
-from schuler.record.hints import Reading
+from schuler.record.check import Reading, check_record
 from schuler.record.imu import ImuRecord
 
 __all__ = ["Stretch", "Summariser", "Summary"]

@@ -1,7 +1,7 @@
 """The two series of the optimal estimate: how they answer to the unknowns, and their noise.
 
 Means over stretches of the velocity that the force makes in the held frame, and of the tracked
-attitude; both linear in the unknowns of `schuler.alignment.stationary.normal_equations`.
+attitude; both linear in the unknowns of `schuler.alignment.stationary.gains`.
 """
 
 from __future__ import annotations
