@@ -13,6 +13,7 @@ from schuler.errors import InputError
 from schuler.ins.layout import Layout
 from schuler.ins.measurement import Measurement
 from schuler.kernels import ins_layout as kernel
+from schuler.kernels import measurement_rows
 
 __all__ = [
     "Attitude", "BodyVelocity", "ConstantBase", "Heading", "Height", "NonHolonomic",
@@ -36,7 +37,7 @@ class Position(Measurement):
     [('gnss.lever', 3)]
     """
 
-    KIND: ClassVar[int] = kernel.POSITION_FIX
+    KIND: ClassVar[int] = measurement_rows.POSITION_FIX
     LABEL: ClassVar[str] = "position"
 
 
@@ -50,7 +51,7 @@ class Velocity(Measurement):
     'gnss'
     """
 
-    KIND: ClassVar[int] = kernel.VELOCITY_FIX
+    KIND: ClassVar[int] = measurement_rows.VELOCITY_FIX
     LABEL: ClassVar[str] = "velocity"
 
 
@@ -91,7 +92,7 @@ class BodyVelocity(Measurement):
     scale: float = 0.0
     mount_axes: str = "xyz"
 
-    KIND: ClassVar[int] = kernel.BODY_VELOCITY
+    KIND: ClassVar[int] = measurement_rows.BODY_VELOCITY
     STATES: ClassVar[Mapping[str, int]] = {"scale": 1, "mount": 3, "lever": 3}
     LABEL: ClassVar[str] = "body_velocity"
 
@@ -151,7 +152,7 @@ class Attitude(_OfMaster):
     'master'
     """
 
-    KIND: ClassVar[int] = kernel.ATTITUDE_FIX
+    KIND: ClassVar[int] = measurement_rows.ATTITUDE_FIX
     LABEL: ClassVar[str] = "attitude"
 
 
@@ -167,7 +168,7 @@ class Rate(_OfMaster):
     'master'
     """
 
-    KIND: ClassVar[int] = kernel.RATE_FIX
+    KIND: ClassVar[int] = measurement_rows.RATE_FIX
     LABEL: ClassVar[str] = "rate"
 
 
@@ -204,7 +205,7 @@ class ZeroRate(Measurement):
     'zero_rate'
     """
 
-    KIND: ClassVar[int] = kernel.ZERO_RATE
+    KIND: ClassVar[int] = measurement_rows.ZERO_RATE
     STATES: ClassVar[Mapping[str, int]] = {}
     LABEL: ClassVar[str] = "zero_rate"
 
@@ -246,7 +247,7 @@ class Height(_Scalar):
 
     offset: float = 0.0
 
-    KIND: ClassVar[int] = kernel.HEIGHT_FIX
+    KIND: ClassVar[int] = measurement_rows.HEIGHT_FIX
     STATES: ClassVar[Mapping[str, int]] = {"lever": 3, "offset": 1}
     LABEL: ClassVar[str] = "height"
 
@@ -274,7 +275,7 @@ class Heading(_Scalar):
 
     baseline: ArrayLike = (0.0, 1.0, 0.0)
 
-    KIND: ClassVar[int] = kernel.HEADING_FIX
+    KIND: ClassVar[int] = measurement_rows.HEADING_FIX
     STATES: ClassVar[Mapping[str, int]] = {}
     LABEL: ClassVar[str] = "heading"
 
@@ -295,7 +296,7 @@ class OutputEpoch(Measurement):
     'output_epoch'
     """
 
-    KIND: ClassVar[int] = kernel.VELOCITY_FIX
+    KIND: ClassVar[int] = measurement_rows.VELOCITY_FIX
     STATES: ClassVar[Mapping[str, int]] = {}
     LABEL: ClassVar[str] = "output_epoch"
 
@@ -316,7 +317,7 @@ class ZeroDisplacement(Measurement):
     'zero_displacement'
     """
 
-    KIND: ClassVar[int] = kernel.ZERO_DISPLACEMENT
+    KIND: ClassVar[int] = measurement_rows.ZERO_DISPLACEMENT
     STATES: ClassVar[Mapping[str, int]] = {"lever": 3}
     LABEL: ClassVar[str] = "zero_displacement"
 
@@ -331,7 +332,7 @@ class ConstantBase(Measurement):
     [('base', 3)]
     """
 
-    KIND: ClassVar[int] = kernel.CONSTANT_BASE
+    KIND: ClassVar[int] = measurement_rows.CONSTANT_BASE
     STATES: ClassVar[Mapping[str, int]] = {}
     LABEL: ClassVar[str] = "constant_base"
 
@@ -351,7 +352,7 @@ class ZeroForce(Measurement):
     'zero_force'
     """
 
-    KIND: ClassVar[int] = kernel.ZERO_FORCE
+    KIND: ClassVar[int] = measurement_rows.ZERO_FORCE
     STATES: ClassVar[Mapping[str, int]] = {}
     LABEL: ClassVar[str] = "zero_force"
 
