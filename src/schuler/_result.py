@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from schuler._notebook import Shown
-from schuler.errors import SchulerError
+from schuler.errors import installed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -62,12 +62,8 @@ class Result(Shown, ABC):
         SchulerError
             If pandas is not installed.
         """
-        try:
+        with installed("a DataFrame needs pandas", "pandas"):
             import pandas as pd
-        except ImportError:
-            raise SchulerError(
-                "a DataFrame needs pandas, which is not installed: pip install 'schuler[pandas]'"
-            ) from None
         return pd.DataFrame(self.columns())
 
     def figures(self) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from schuler._files import check_keys, number, read_toml
 from schuler.attitude import euler_to_quat, quat_to_matrix, skew
 from schuler.constants import DEG
 from schuler.earth import Site
-from schuler.errors import InputError, expect
+from schuler.errors import InputError, expect, located
 from schuler.estimate.information import covariance_of, gls_information
 from schuler.sensors import ImuSpec
 from schuler.sensors.theory import mean_covariance
@@ -264,7 +264,5 @@ def _position(table: Any, where: str) -> Position:
             values[key] = parse(value, "time", f"{where}: {key}")
         else:
             values[key] = number(value, f"{where}: {key}", " of degrees")
-    try:
+    with located(where):
         return Position(**values)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler._files import check_keys, read_toml, replacing
-from schuler.errors import InputError
+from schuler.errors import InputError, located
 
 if TYPE_CHECKING:
     from schuler.record import ImuRecord
@@ -156,13 +156,11 @@ class Calibration:
                     sigma[f"{part}_{key[:-6]}"] = array
                 else:
                     values[f"{part}_{key}"] = array
-        try:
+        with located(path):
             return cls(
                 **values, input=str(data.get("input", "SI")),
                 name=str(data.get("name", path.stem)), sigma=sigma,
             )  # fmt: skip
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
 
 
 _SHAPES: dict[str, tuple[int, ...]] = {

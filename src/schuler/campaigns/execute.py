@@ -12,7 +12,7 @@ from typing import Any
 
 from schuler.campaigns.chunk import Chunk, run_chunk
 from schuler.campaigns.worker import ONE_THREAD, start
-from schuler.errors import InputError, SchulerError
+from schuler.errors import InputError, SchulerError, installed
 
 __all__ = ["cluster_executor", "execute", "local_cluster"]
 
@@ -134,14 +134,9 @@ def _pool() -> Iterator[tuple[Executor, int]]:
 
 @contextmanager
 def _dask(workers: int | None, scheduler: str | None) -> Iterator[tuple[Executor, int]]:
-    try:
+    with installed("--workers and --scheduler need Dask", "campaign"):
         import dask
         from distributed import Client
-    except ImportError:
-        raise SchulerError(
-            "--workers and --scheduler need Dask, which is not installed: "
-            "pip install 'schuler[campaign]'"
-        ) from None
     settings: dict[str, Any] = {
         # A killed worker is no reason to give its chunk up; `_through` counts in the end.
         "distributed.scheduler.allowed-failures": 20,

@@ -19,7 +19,7 @@ from schuler.centrifuge.coefficients import PUBLISHED_TRUTH, coefficient_names, 
 from schuler.centrifuge.outputs import outputs_truth_path
 from schuler.centrifuge.plant import Plant
 from schuler.centrifuge.scheme import CentrifugeScheme, published_test
-from schuler.errors import InputError
+from schuler.errors import InputError, located
 
 __all__ = [
     "SimulatedTest",
@@ -242,7 +242,7 @@ def simulate_test(
             if not isinstance(at, dict):
                 raise InputError(f"{path}: {key}: '{name}' is not a table")
         at[last] = value
-    try:
+    with located(path):
         plant, scheme, truth = read_test(data)
         given = data.get("seed", 0) if seed is None else seed
         if isinstance(given, bool) or not isinstance(given, int) or given < 0:
@@ -251,6 +251,4 @@ def simulate_test(
             plant, scheme.positions, scheme.dwell, truth, np.random.default_rng(given),
             forces=scheme.forces or None,
         )[0]  # fmt: skip
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
     return SimulatedTest(str(data.get("name", path.stem)), given, plant, scheme, truth, outputs)

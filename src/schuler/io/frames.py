@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schuler.errors import InputError
+from schuler.errors import InputError, installed
 from schuler.io.axes import parse_axes
 from schuler.io.columns import choose
 from schuler.io.content import Array, Block, Content
@@ -228,12 +228,8 @@ def to_pyins(record: ImuRecord, *, axes: str = "FRD") -> pd.DataFrame:
     >>> to_pyins(record).columns.tolist()[:3]
     ['gyro_x', 'gyro_y', 'gyro_z']
     """
-    try:
+    with installed("a table needs pandas", "pandas", InputError):
         import pandas as pd
-    except ImportError:
-        raise InputError(
-            "a table needs pandas, which is not installed: pip install 'schuler[pandas]'"
-        ) from None
     if not len(record) or record.dtheta.shape[1] != 3 or record.dvel.shape[1] != 3:
         raise InputError(
             f"pyins takes samples of three gyros and three accelerometers, got {len(record)} of "

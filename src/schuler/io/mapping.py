@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from schuler._files import check_keys, read_toml, replacing
-from schuler.errors import InputError
+from schuler.errors import InputError, located
 from schuler.io.axes import parse_axes
 from schuler.sensors.named_arrays import load_array
 from schuler.units import parse_factor
@@ -226,10 +226,8 @@ class Mapping:
         """
         path = Path(path)
         data = read_toml(path)
-        try:
+        with located(path):
             return cls.from_dict(data)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
 
     @classmethod
     def from_cli(cls, **options: Any) -> Mapping:

@@ -15,7 +15,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from schuler.constants import DEG
-from schuler.errors import InputError
+from schuler.errors import InputError, installed
 from schuler.trajectory import Trajectory
 
 __all__ = ["gpx_library", "gpx_text", "kml_text"]
@@ -61,12 +61,8 @@ def gpx_library() -> Any:
     InputError
         If it is not installed.
     """
-    try:
+    with installed("GPX needs gpxpy", "gpx", InputError):
         from gpxpy import gpx
-    except ImportError:
-        raise InputError(
-            "GPX needs gpxpy, which is not installed: pip install 'schuler[gpx]'"
-        ) from None
     return gpx
 
 

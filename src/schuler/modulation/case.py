@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from schuler._files import check_keys, number, read_toml
 from schuler.constants import DEG
 from schuler.earth import Site
-from schuler.errors import InputError
+from schuler.errors import InputError, located
 from schuler.modulation.propagation import TriadErrors
 from schuler.motion.named_schemes import load_scheme, named_scheme
 from schuler.motion.rotation import Limits, Scheme
@@ -94,10 +94,8 @@ class RotationCase:
         """
         path = Path(path)
         data = read_toml(path)
-        try:
+        with located(path):
             return cls.from_dict(data, path.stem, path.parent)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
 
     @classmethod
     def from_dict(

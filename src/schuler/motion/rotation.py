@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from schuler._files import check_keys, number, read_toml
 from schuler.attitude import euler_to_quat, multiply
 from schuler.constants import DEG
-from schuler.errors import InputError
+from schuler.errors import InputError, located
 from schuler.motion.base import Carried, Motion, Track
 from schuler.motion.turntable import AXES, Dwell, Spin, Turn, Turntable
 
@@ -253,10 +253,8 @@ class Scheme:
         """
         path = Path(path)
         data = read_toml(path)
-        try:
+        with located(path):
             return cls.from_dict(data, path.stem)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from schuler._files import replacing
-from schuler.errors import InputError, SchulerError
+from schuler.errors import InputError, installed
 from schuler.reports.figure import Figure, Trace
 
 __all__ = ["KINDS", "draw_all", "draw_one", "write_picture"]
@@ -33,12 +33,8 @@ _DASHES = {"solid": "-", "dash": "--", "dot": ":"}
 
 
 def _figure_class() -> Any:
-    try:
+    with installed("plots need Matplotlib", "plot"):
         from matplotlib.figure import Figure as Canvas
-    except ImportError:
-        raise SchulerError(
-            "plots need Matplotlib, which is not installed: pip install 'schuler[plot]'"
-        ) from None
     return Canvas
 
 

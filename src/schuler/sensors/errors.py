@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from schuler._files import read_toml
-from schuler.errors import InputError, near
+from schuler.errors import InputError, located, near
 from schuler.units import parse, to_unit
 
 __all__ = ["GRADES", "AccelerometerSpec", "GyroSpec", "ImuSpec", "load_spec"]
@@ -252,10 +252,8 @@ class ImuSpec:
             raise InputError(
                 f"instrument specification: dropout = '{data['dropout']}' must be from 0 to 50 %"
             )
-        try:
+        with located("instrument specification"):
             gyro, accelerometer = GyroSpec(**parts[0]), AccelerometerSpec(**parts[1])
-        except InputError as error:
-            raise InputError(f"instrument specification: {error}") from None
         return cls(
             gyro,
             accelerometer,
@@ -275,10 +273,8 @@ class ImuSpec:
         """
         path = Path(path)
         data = read_toml(path)
-        try:
+        with located(path):
             return cls.from_dict(data, name=path.stem)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
 
     def with_white_noise(self, factor: float) -> ImuSpec:
         """Return the same instrument with its angle and velocity random walk times a factor.
