@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from schuler.alignment.axes_consistency import AXES_MARGIN, AxesTest, axes_test, axes_text
 from schuler.alignment.history import History
-from schuler.alignment.stationary.normal_equations import NormalEquations
+from schuler.alignment.stationary.gains import NormalEquations
 from schuler.alignment.stationary.optimal import OptimalAlignment
 from schuler.constants import ARCSEC, DEG, DEG_PER_HOUR, EARTH_RATE, MICRO_G
 from schuler.earth import Site

@@ -126,8 +126,8 @@ def align_without_latitude(
             break
     else:
         raise InputError(
-            f"the record does not show its latitude: the estimate still moves by {step / DEG:.2g} "
-            "deg a round; take a longer or quieter record, or say --lat"
+            "the latitude is not observable in the record: the estimate still moves by "
+            f"{step / DEG:.2g} deg a round; take a longer or quieter record, or say --lat"
         )
     if sigma > 30.0 * DEG:
         raise InputError(

@@ -59,7 +59,7 @@ class PosesFit(Result):
     turn_error_before : (k,) float64
         The same with the gyros' given scale.
     unseen : list of str
-        What these poses do not show, or only weakly.
+        What is not observable from these poses, or only weakly.
     gravity : float
         m/s^2.
     remarks : tuple of str
@@ -160,7 +160,7 @@ class PosesFit(Result):
                 f"{self.turn_error.size} turns: the gyros miss gravity by {rms[1]:.3g} deg rms "
                 f"({rms[0]:.3g} with the scale as given)"
             )
-        lines += [text if "left out" in text else f"not shown: {text}" for text in self.unseen]
+        lines += [text if "left out" in text else f"not observable: {text}" for text in self.unseen]
         return "\n".join(lines)
 
 
@@ -196,6 +196,14 @@ def find_rests(
     ------
     InputError
         If the record is too short, or does not begin at rest.
+
+    Examples
+    --------
+    >>> time, rng = np.arange(0.0, 20.0, 0.01), np.random.default_rng(1)
+    >>> accel = rng.normal(0.0, 0.01, (2000, 3)) + [0.0, 0.0, 9.8]
+    >>> accel[900:1100] += np.sin(20.0 * time[900:1100])[:, None]
+    >>> len(find_rests(time, accel))
+    2
     """
     t, f = np.asarray(time, np.float64), np.asarray(accel, np.float64)
     step = float(np.median(np.diff(t))) if len(t) > 2 else np.inf
@@ -266,6 +274,17 @@ def calibrate_poses(
     InputError
         For values that are not numbers, fewer than six good poses, poses too much alike, or what
         is left after the fit and can be no error of an instrument.
+
+    Examples
+    --------
+    >>> rng, time = np.random.default_rng(1), np.arange(0.0, 200.0, 0.05)
+    >>> up = np.repeat(rng.standard_normal((20, 3)), 200, axis=0)
+    >>> up /= np.linalg.norm(up, axis=1)[:, None]
+    >>> accel = 9.81 * up + [0.05, 0.0, 0.0] + rng.normal(0.0, 0.003, (4000, 3))
+    >>> poses = np.arange(0, 4000, 200)[:, None] + [0, 200]
+    >>> fit = calibrate_poses(time, accel, gravity=9.81, dwells=poses, initial=5.0)
+    >>> round(float(fit.calibration.accel_bias[0]), 2)
+    0.05
     """
     for label, given in (("time", time), ("accel", accel), ("gyro", gyro)):
         if given is not None and not np.issubdtype(np.asarray(given).dtype, np.number):

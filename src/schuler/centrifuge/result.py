@@ -79,7 +79,7 @@ class CentrifugeTest(Result):
         ]
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return a row for each coefficient, in its spoken unit."""
+        """Return a row for each coefficient, in its customary unit."""
         units, factor = coefficient_units(self.plant.d_oo)
         published = true_coefficients({}, self.plant)
         printed = iter(PUBLISHED_ESTIMATES)
@@ -177,7 +177,13 @@ def identify(
     Raises
     ------
     InputError
-        For outputs that do not fit, or a scheme that does not show every coefficient.
+        For outputs that do not fit, or a scheme in which a coefficient is not observable.
+
+    Examples
+    --------
+    >>> plan = CentrifugeScheme(dwell=20.0)
+    >>> identify(Plant(), plan).judgement.sigma.shape
+    (45,)
     """
     forces = list(scheme.forces) or None
     information = scheme_information(plant, scheme.positions, scheme.dwell, forces)

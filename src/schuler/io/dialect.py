@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from schuler.errors import InputError
+from schuler.errors import InputError, located
 from schuler.io.columns import choose
 from schuler.io.instants import is_instant
 from schuler.io.mapping import Mapping
@@ -150,10 +150,8 @@ def detect(head: bytes, whole: bool, mapping: Mapping) -> Dialect:
                 break
         elif number > skip and text:
             if line.startswith(MAGIC):
-                try:
+                with located(f"line {number}"):
                     own = parse_own(line[len(MAGIC) :], "there")
-                except InputError as error:
-                    raise InputError(f"line {number}: {error}") from None
             hints = [*hints[-1:], text.lstrip("".join(marks)).strip()]
         offset = stop + 1
         if end < 0:

@@ -26,7 +26,7 @@ from schuler.io.registry import find_reader
 from schuler.io.span import RecordTime, Span
 from schuler.io.spool import GZIP, Spooled, Unpacked, is_pipe, ordinary
 from schuler.record import ImuRecord, Intake, Quality
-from schuler.record.hints import Reading
+from schuler.record.check import Reading
 from schuler.sensors.array_check import ArrayCheck, ArrayVerdict
 
 __all__ = ["FOLDER_MAPPING", "Source"]
@@ -74,7 +74,7 @@ class Source:
     kind : str
         ``"rates"``, ``"mean-rates"`` or ``"increments"``.
     assumed : list of str
-        What nobody said and was assumed: axes, units; each in a few words.
+        What was not given and was assumed: axes, units; each in a few words.
     contradictions : list of str
         What the record contradicts in itself and could not be resolved, as a faulty gyro of an
         array that cannot be told; may grow while reading.

@@ -110,7 +110,7 @@ def _open_labelled(path: Path, labelled: LabelledTable, mapping: Mapping) -> Con
 def _instants(
     dialect: Dialect, chosen: Chosen, mapping: Mapping
 ) -> tuple[tuple[int, ...], str, list[str]]:
-    """Return the time column where it holds dates, how to speak of it, and what to note."""
+    """Return the time column where it holds dates, what messages call it, and what to note."""
     if chosen.t is None or not is_instant(dialect.first[chosen.t]):
         return (), chosen.t_label, []
     if mapping.time is not None:

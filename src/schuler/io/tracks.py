@@ -1,6 +1,6 @@
 """Trajectories as tracks for maps: GPX and KML.
 
-Both want longitudes within 180 degrees, and programs draw a line from one point to the next: a
+Both need longitudes within 180 degrees, and programs draw a line from one point to the next: a
 track is cut where it crosses the date line. Their times are UTC, which a trajectory does not know,
 so that they have none. Heights are above the ellipsoid, and the files say so.
 """
@@ -15,7 +15,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from schuler.constants import DEG
-from schuler.errors import InputError
+from schuler.errors import InputError, installed
 from schuler.trajectory import Trajectory
 
 __all__ = ["gpx_library", "gpx_text", "kml_text"]
@@ -61,12 +61,8 @@ def gpx_library() -> Any:
     InputError
         If it is not installed.
     """
-    try:
+    with installed("GPX needs gpxpy", "gpx", InputError):
         from gpxpy import gpx
-    except ImportError:
-        raise InputError(
-            "GPX needs gpxpy, which is not installed: pip install 'schuler[gpx]'"
-        ) from None
     return gpx
 
 

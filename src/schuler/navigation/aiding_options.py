@@ -41,6 +41,12 @@ class AidingOptions:
         Smooth afterwards.
     longest_interval : float
         Time between rows of output where nothing is measured, s; half as much more is let pass.
+
+    Examples
+    --------
+    >>> options = AidingOptions(non_holonomic=True, robust="huber")
+    >>> sc.navigate(drive, aiding=[gnss], spec=spec, options=options).consistent
+    True
     """
 
     non_holonomic: bool = False

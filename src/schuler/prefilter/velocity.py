@@ -75,6 +75,12 @@ class VelocityEmd(Prefilter):
         blocks a record can be a stream (`VelocityEmdStream`).
     overlap : float
         Of two blocks, s, over which one passes into the next.
+
+    Examples
+    --------
+    >>> smooth = VelocityEmd(siftings=20)(record.between(None, 20.0))
+    >>> len(smooth)
+    400
     """
 
     threshold: float = 0.25
@@ -128,6 +134,13 @@ class VelocityEmd(Prefilter):
             Intrinsic mode functions, the fastest first, and the residual.
         trend : (n,) float64
             The polynomial.
+
+        Examples
+        --------
+        >>> velocity = np.cumsum(record.dvel[:, 0])
+        >>> modes, trend = sc.VelocityEmd(siftings=20).modes(velocity, 0.05)
+        >>> bool(np.allclose(modes.sum(axis=0) + trend, velocity))
+        True
         """
         basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(velocity)), self.trend)
         coefficients = np.linalg.lstsq(basis, velocity, rcond=None)[0]

@@ -22,11 +22,10 @@ from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.motion import Static
 from schuler.prefilter.base import held_frame
+from schuler.published.figures import Curve, Figure
 from schuler.published.guo2015_gate import gate_block, gate_rows
 from schuler.published.result import (
-    Curve,
     Experiment,
-    Figure,
     Options,
     Row,
     call,

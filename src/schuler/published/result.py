@@ -15,12 +15,11 @@ from schuler._result import Result, table_of_rows
 from schuler.attitude import multiply, quat_to_rotvec
 from schuler.constants import ARCMIN
 from schuler.errors import InputError
+from schuler.published.figures import Figure
 from schuler.sensors import ImuSpec, load_spec
 
 __all__ = [
-    "Curve",
     "Experiment",
-    "Figure",
     "Options",
     "Row",
     "changeable",
@@ -66,43 +65,6 @@ class Row:
         for name in ("printed", "document_method", "best", "limit"):
             value = getattr(self, name)
             object.__setattr__(self, name, None if value is None else float(value))
-
-
-@dataclass(frozen=True, eq=False)
-class Curve:
-    """One line of a figure.
-
-    Parameters
-    ----------
-    name : str
-    x, y : (n,) float64
-        In the units that the figure's axes name.
-    """
-
-    name: str
-    x: Array
-    y: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Figure:
-    """A figure of an experiment, drawn from what was computed.
-
-    Parameters
-    ----------
-    title : str
-    x, y : str
-        What the axes show, with units.
-    curves : tuple of Curve
-    log_y : bool
-        Whether the second axis is logarithmic.
-    """
-
-    title: str
-    x: str
-    y: str
-    curves: tuple[Curve, ...]
-    log_y: bool = False
 
 
 @dataclass(frozen=True)
@@ -192,6 +154,11 @@ class Options:
     changes : tuple of (str, value)
         Conditions that are other than the document's, as ``("site.lat", 50.0)``; see
         `changeable`.
+
+    Examples
+    --------
+    >>> Options(runs=10, workers=1).runs
+    10
     """
 
     runs: int | None = None
@@ -222,6 +189,11 @@ def changeable(name: str) -> dict[str, Any]:
     """Return the conditions of an experiment that can be changed, with their values.
 
     A condition that nothing is said of (what the instrument's grade has) is None.
+
+    Examples
+    --------
+    >>> sorted(changeable("xu2017"))[:2]
+    ['search.rounds', 'search.seed']
     """
     out: dict[str, Any] = {}
 
@@ -263,6 +235,11 @@ def conditions(name: str, changes: Iterable[tuple[str, Any]] = ()) -> dict[str, 
     ------
     InputError
         For a condition that the experiment does not have, or a value of another kind.
+
+    Examples
+    --------
+    >>> conditions("niu2025", [("site.lat", 50.0)])["site"]["lat"]
+    50.0
     """
     data = _read(name)
     known = changeable(name)

@@ -1,4 +1,4 @@
-"""The frozen-inertial-frame estimators, and how each answers to errors in the velocity integral.
+"""The frozen-inertial-frame estimators, and how each responds to errors in the velocity integral.
 
 C_b^n(t) = C_i0^n(t) C_ib0^i0 C_b^ib0(t). The first is known from latitude and elapsed time, the
 last comes from the gyros, and the middle one is constant: it turns v(t), the integral of the
@@ -98,7 +98,7 @@ def solve(h: History, gravity: float, lat: float, estimator: str) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """How phi_0 answers to velocity errors: at single instants and over stretches.
+    """How phi_0 responds to velocity errors: at single instants and over stretches.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Covariance of the attitude by source, from how it answers to every error of the instrument.
+"""Covariance of the attitude by source, from how it responds to every error of the instrument.
 
 `Responses` holds, for each stretch of the history, how phi (east, north, up) at the wanted
-instant answers to a unit of angle or of velocity that was added to the increments in it, given
+instant responds to a unit of angle or of velocity that was added to the increments in it, given
 in i0. Every noise type of the specification is then a sum over stretches:
 
 - bias: (sum of V C dt) squared;
@@ -44,7 +44,7 @@ BLOCKS = 256
 
 @dataclass(frozen=True, eq=False)
 class Responses:
-    """How phi in n answers to errors of the increments.
+    """How phi in n responds to errors of the increments.
 
     Parameters
     ----------
