@@ -108,6 +108,13 @@ def by_objective(cards: Mapping[int, Scorecard]) -> str:
     ----------
     cards : mapping of int to Scorecard
         Of the plan with so many positions.
+
+    Examples
+    --------
+    >>> from schuler.centrifuge import PUBLISHED_POSITIONS
+    >>> card = Scorecard("min-max", plan=score(Plant(), PUBLISHED_POSITIONS, 20.0), published={})
+    >>> by_objective({10: card}).splitlines()[0].split()
+    ['positions', '10']
     """
     lines = [f"{'positions':28}" + "".join(f"{count:>11}" for count in cards)]
     for name, text in LABELS.items():

@@ -170,7 +170,13 @@ class VelocityEmd(Prefilter):
         return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]), turn
 
     def rebuilt(self, velocity: Array, interval: float) -> Array:
-        """Return the velocity (n, 3), m/s, without the modes that are dropped."""
+        """Return the velocity (n, 3), m/s, without the modes that are dropped.
+
+        Examples
+        --------
+        >>> VelocityEmd(siftings=20).rebuilt(np.zeros((200, 3)), 0.05).shape
+        (200, 3)
+        """
 
         def run(axis: int) -> Array:
             series = np.ascontiguousarray(velocity[:, axis])
@@ -181,7 +187,13 @@ class VelocityEmd(Prefilter):
             return np.column_stack(list(pool.map(run, range(3))))
 
     def correction(self, steps: Array, interval: float) -> Array:
-        """Return what is added to the velocity (n + 1, 3), m/s, of steps (n, 3) of a block."""
+        """Return what is added to the velocity (n + 1, 3), m/s, of steps (n, 3) of a block.
+
+        Examples
+        --------
+        >>> VelocityEmd(siftings=20).correction(np.zeros((200, 3)), 0.05).shape
+        (201, 3)
+        """
         velocity = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
         return np.asarray(self.rebuilt(velocity, interval) - velocity)
 
@@ -192,6 +204,11 @@ class VelocityEmd(Prefilter):
         ------
         InputError
             For a record that is short or unevenly sampled.
+
+        Examples
+        --------
+        >>> len(VelocityEmd(siftings=20).whole(record.between(None, 20.0)))
+        400
         """
         interval = even_interval(record)
         velocity, turn = self.velocity(record)
