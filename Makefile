@@ -61,7 +61,9 @@ fuzz: $(VENV)/.with-dev
 validate: $(VENV)/.with-dev
 	$(BIN)/python -m tests.alignment.sigma_table
 	$(BIN)/python -m tests.alignment.good_and_faulty
+	$(BIN)/python -m tests.prefilter.lowpass_table
 	$(BIN)/python -m tests.prefilter.velocity_table
+	$(BIN)/python -m tests.prefilter.blocks_table
 	$(BIN)/python -m tests.navigation.aided_table
 	$(BIN)/python -m tests.aiding.rest_table
 	$(BIN)/python -m tests.alignment.moving.figures_table

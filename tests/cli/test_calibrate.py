@@ -58,7 +58,16 @@ def test_plan_draws_the_trade(cli, tmp_path):
     assert "positions" in text
     assert "optimised: largest sigma / wanted" in text
     assert "best found" in text
-    assert "The trade" in (tmp_path / "p.html").read_text(encoding="utf-8")
+    table = text.partition("by every objective, * the least:\n")[2].splitlines()[:7]
+    assert table[0].split() == ["positions", "4", "5"]
+    plans = json.loads((tmp_path / "p.json").read_text(encoding="utf-8"))["plans"]
+    for line in table[1:]:
+        assert line.count("*") == 1 or line.split()[-1] == line.split()[-2]
+    least = [row["plan"] for plan in plans for row in plan["objectives"] if row["name"] == "a"]
+    assert f"{min(least):.4g}*" in table[2]
+    page = (tmp_path / "p.html").read_text(encoding="utf-8")
+    assert "The trade" in page
+    assert "By every objective, for each number of positions" in page
     for each in json.loads((tmp_path / "p.json").read_text(encoding="utf-8"))["plans"]:
         schema("plan").validate(each)
 

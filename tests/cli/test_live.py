@@ -14,12 +14,13 @@ import time
 import numpy as np
 import pytest
 
-from schuler.alignment import LiveAligner, align
+from schuler.alignment import LiveAligner, align, parse_method
 from schuler.alignment.live import fill
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.io.packets import encode_csv, encode_frame
 from schuler.motion import DisturbedVehicle
+from schuler.prefilter import parse_prefilter
 from schuler.sensors import GRADES
 from schuler.simulation import simulate
 
@@ -370,3 +371,31 @@ def test_a_key_is_no_checkpoint(run, tmp_path):
     assert done.code == 2
     assert "replaces an input" in done.err
     assert path.read_bytes() == b"k" * 32
+
+
+def piped(lines, *arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "schuler", "live", "-", *arguments], input=lines,
+        capture_output=True, text=True,
+    )  # fmt: skip
+
+
+def test_a_prefilter_in_blocks_and_one_of_the_whole_record(record):
+    """The command takes the first and refuses the second in a sentence."""
+    lines = "".join(
+        f"{k},{t!r},{','.join(map(repr, v))}\n" for k, t, v in samples(record)[: 40 * int(RATE)]
+    )
+    blocks = "emd-velocity(block=20 s, overlap=5 s)"
+    options = ["--lat", "50", "--spec", "navigation-rlg", "--method", "centred"]
+    done = piped(lines, *options, "--prefilter", blocks, "--json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout.splitlines()[-1])
+    ours = align(
+        record.rows(0, 40 * int(RATE)), SITE,
+        parse_method("centred").with_prefilter(parse_prefilter(blocks)), "navigation-rlg",
+    )  # fmt: skip
+    assert found["heading_deg"] == pytest.approx(ours.heading_deg, abs=1e-3)
+    assert found["method"]["options"]["prefilter"]["name"] == "emd-velocity"
+    done = piped(lines, *options, "--prefilter", "wavelet")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "the prefilter wavelet needs the whole record" in done.stderr

@@ -81,7 +81,7 @@ def test_run_k_is_that_of_the_campaign(run, scene, tmp_path):
     ("arguments", "words"),
     [
         (["gone.toml"], "gone.toml: cannot be read"),
-        (["truck.toml", "--out", "x.imu"], "expected a name in .parquet or .csv or .npz"),
+        (["truck.toml", "--out", "x.imu"], "expected a name in .parquet or .csv or .npz or"),
         (["truck.toml", "--out", "no/x.csv"], "there is no folder 'no'"),
         (["truck.toml", "--truth", "x.csv"], "expected a name in .parquet"),
         (

@@ -336,8 +336,8 @@ def test_what_is_written_cannot_be_half_there(tmp_path: Path, rows: Array, suffi
 
 def test_write_errors(tmp_path: Path, rows: Array) -> None:
     record = rates(rows)
-    with pytest.raises(InputError, match=r"cannot write the format '.mat'; use .parquet"):
-        write(record, tmp_path / "a.mat")
+    with pytest.raises(InputError, match=r"cannot write the format '.imu'; use .parquet"):
+        write(record, tmp_path / "a.imu")
     with pytest.raises(InputError, match="no folder"):
         write(record, tmp_path / "no" / "a.csv")
     with pytest.raises(InputError, match="no samples"):

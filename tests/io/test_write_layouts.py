@@ -49,5 +49,5 @@ def test_a_layout_or_ending_that_is_not_there_is_said(record, tmp_path):
         sc.write(record, tmp_path / "a.csv", layout="gtsam")
     with pytest.raises(InputError, match=r"'.csv' in the layout of psins; use .mat"):
         sc.write(record, tmp_path / "a.csv", layout="psins")
-    with pytest.raises(InputError, match=r"'.mat'; use .parquet, .csv, .npz"):
-        sc.write(record, tmp_path / "a.mat")
+    with pytest.raises(InputError, match=r"'.imu'; use .parquet, .csv, .npz"):
+        sc.write(record, tmp_path / "a.imu")

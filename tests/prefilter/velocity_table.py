@@ -27,7 +27,7 @@ from schuler.published.result import misalignment, rms_error
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "prefilter.md"
 BEGIN, END = "<!-- velocity table -->\n", "<!-- end of the velocity table -->"
-RUNS, ENSEMBLE_RUNS, ENSEMBLE = 100, 10, 10
+RUNS, ENSEMBLE_RUNS, ENSEMBLE = 100, 100, 10
 LENGTHS = (100.0, 150.0, 200.0, 300.0)
 
 

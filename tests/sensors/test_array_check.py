@@ -108,6 +108,16 @@ def test_the_pieces_do_not_matter() -> None:
     assert whole == parts
 
 
+def test_pieces_of_single_rows_are_taken() -> None:
+    """A first piece of less than a group's rows fills no group."""
+    one, whole = (ArrayCheck(named_array("cone5")) for _ in range(2))
+    rates = np.random.default_rng(3).standard_normal((200, 5))
+    for row in rates:
+        one.push(row[None])
+    whole.push(rates)
+    assert one.verdict() == whole.verdict()
+
+
 def test_a_short_record_says_nothing_and_a_bad_rate_is_refused() -> None:
     assert verdict("cone5", np.random.default_rng(8), 20.0, n=100).notes == ()
     with pytest.raises(InputError, match="false-alarm rate"):

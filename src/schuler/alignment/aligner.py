@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from schuler.alignment.assessment import assess, capped, notices
 from schuler.alignment.bound import limit, position_limit
 from schuler.alignment.debias import without_gyro_bias
+from schuler.alignment.filtered import Filtered
 from schuler.alignment.gravity_uncertainty import with_gravity_uncertainty
 from schuler.alignment.history import History
 from schuler.alignment.method import Estimate, Method, Problem
@@ -51,8 +52,9 @@ class _Pass:
 class Aligner:
     """Align a stream: `update` with chunks, `solution` whenever it is wanted.
 
-    Memory is constant for any length, unless a prefilter or a method that needs the samples
-    (`Method.needs`) keeps the record. Any chunking gives the same bits.
+    Memory is constant for any length, unless a method that needs the samples (`Method.needs`) or a
+    prefilter that does not stream (`Prefilter.streams`) keeps the record. Any chunking gives the
+    same bits.
 
     Parameters
     ----------
@@ -120,7 +122,14 @@ class Aligner:
         self._held: list[ImuRecord] = []
         self._name = "record"
         self._quality: list[str] = []
+        self._sampling_faults = False
         self._pass = _Pass()
+        self._filtered: Filtered | None = None
+        if self.method.prefilter is not None:
+            plain = Aligner(
+                site, self.method.with_prefilter(None), self.spec, at=at, reading=reading
+            )
+            self._filtered = Filtered(self.method.prefilter.at(site.gravity), plain)
 
     def fresh(self) -> Aligner:
         """Return an aligner that was made alike and has taken nothing."""
@@ -128,12 +137,21 @@ class Aligner:
             self.site, self.method, self.spec, at=self.at, array=self.array, reading=self.reading
         )
 
+    def branch(self) -> Aligner:
+        """Return an aligner that has taken the same samples and continues by itself."""
+        assert self._filtered is None
+        other = copy(self)
+        other._state = TrackerState(self._state.data.copy())
+        other._nodes = self._nodes.copy()
+        other._summariser = self._summariser.copy()
+        other._held = list(self._held)
+        other._pass = _Pass()
+        return other
+
     @property
     def samples(self) -> int:
         """Samples taken so far."""
-        if self.method.prefilter is not None:
-            return sum(len(chunk) for chunk in self._held)
-        return int(self._state.samples)
+        return int(self._state.samples) if self._filtered is None else self._filtered.samples
 
     def update(self, chunk: ImuRecord) -> Aligner:
         """Take a chunk that follows the last one; return self.
@@ -160,9 +178,9 @@ class Aligner:
                 f"a chunk starts at t = {chunk.time[0]:.9g} s, not after the last sample "
                 f"({self._tail[0][-1]:.9g} s)"
             )
-        if self.method.prefilter is not None:
+        if self._filtered is not None:
+            self._filtered.push(chunk)
             self._tail = (chunk.time[-1:], chunk.dt[-1:])
-            self._held.append(chunk)
             return self
         if self.method.needs == "samples":
             self._held.append(chunk)
@@ -179,6 +197,7 @@ class Aligner:
         self._tail = (next(last), next(last))
         if chunk.quality is not None:
             self._quality = chunk.quality.warnings()
+            self._sampling_faults = chunk.quality.sampling_faults
         return self
 
     def _open(self, chunk: ImuRecord) -> None:
@@ -239,7 +258,10 @@ class Aligner:
 
     def history(self) -> History:
         """Return the pass so far, with the samples that wait for a full update worked in."""
-        return History.with_waiting(self._state, self._nodes, self._flags, self._tail)
+        return History.with_waiting(
+            self._state, self._nodes, self._flags, self._tail,
+            sampling_faults=self._sampling_faults,
+        )  # fmt: skip
 
     def _estimate(
         self, h: History, spec: ImuSpec | None, about: Linearisation | None = None,
@@ -262,17 +284,11 @@ class Aligner:
         """
         if not self.samples:
             raise InputError("the record has no samples to align")
-        if self.method.prefilter is None:
+        if self._filtered is None:
             if self._pass.sums is None:
                 self._pass.sums = self.history(), self._summariser.summary()
         elif self._pass.filtered is None:
-            record = ImuRecord.concatenate(self._held, quality=self._held[-1].quality)
-            plain = Aligner(
-                self.site, self.method.with_prefilter(None), self.spec, at=self.at,
-                reading=self.reading,
-            )  # fmt: skip
-            plain.update(self.method.prefilter.at(self.site.gravity)(record))
-            self._pass.filtered = plain.prepared()
+            self._pass.filtered = self._filtered.prepared()
         return self
 
     def shares_pass(self, method: Method) -> bool:
@@ -292,7 +308,7 @@ class Aligner:
 
         Examples
         --------
-        >>> aligner = sc.Aligner(site, "centred", spec).update(record).prepared()
+        >>> aligner = sc.Aligner(site, "centred", spec).update(record).branch().prepared()
         >>> aligner.shares_pass(sc.Analytic())
         True
         >>> str(aligner.solution_by(sc.Analytic(), "end").method)

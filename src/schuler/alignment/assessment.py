@@ -13,14 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.alignment.consistency import (
-    FALSE_ALARM,
-    Contradiction,
-    bias_sigma,
-    check,
-    with_gyro_bias,
-)
-from schuler.alignment.debias import without_gyro_bias
+from schuler.alignment.consistency import FALSE_ALARM, Contradiction, check
+from schuler.alignment.debias import bias_sigma, with_gyro_bias, without_gyro_bias
 from schuler.alignment.estimate import QUIET
 from schuler.alignment.history import History
 from schuler.alignment.method import Estimate
@@ -44,8 +38,9 @@ UNIFORM_SIGMA = np.pi / np.sqrt(3.0)
 """1-sigma of an angle of which nothing is known, rad: 104 deg."""
 
 _BIAS_MISSING = (
-    "no instrument specification was given: sigma holds the disturbance seen in the record, but "
-    "no gyro or accelerometer bias (say --spec navigation-fog, or a TOML file)"
+    "no instrument specification was given: sigma holds the disturbance seen in the record and a "
+    "gyro bias as large as its noise could hide, but no larger one and no accelerometer bias (say "
+    "--spec navigation-fog, or a TOML file)"
 )
 _NO_BIAS = (
     "the specification '{}' holds no gyro bias, as one of an Allan analysis: sigma is how well the "
@@ -136,6 +131,11 @@ def assess(
                 larger = replace(found, budget=budget)
         found = larger
     shown = result.earth_rate
+    if spec is None and result.least_bias == 0.0 and shown is not None and shown.hidden_bias > 0.0:
+        # No gyro is without a bias, and no record shows one that is smaller than its noise.
+        angle = shown.hidden_bias / (EARTH_RATE * np.cos(site.latitude))
+        budget = {**found.budget, "gyro_bias": np.diag([0.0, 0.0, angle**2])}
+        found = replace(found, budget=budget)
     if result.least_bias > 0.0 and spec is None:
         notes.append(
             "the record shows a gyro bias of at least "

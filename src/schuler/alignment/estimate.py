@@ -13,14 +13,12 @@ from schuler.alignment.method import Estimate, Problem
 from schuler.alignment.methods import Analytic, Inertial
 from schuler.alignment.stationary.analytic import analytic_attitude
 from schuler.alignment.stationary.disturbance import (
-    Residual,
     analytic_disturbance,
     disturbance_levels,
     inertial_disturbance,
     noise_ratio,
-    residual,
 )
-from schuler.alignment.stationary.inertial import MINIMUM_ROWS, solve
+from schuler.alignment.stationary.inertial import MINIMUM_ROWS, Residual, residual, solve
 from schuler.alignment.stationary.optimal import OptimalAlignment, joint
 from schuler.alignment.stationary.uncertainty import (
     Responses,
@@ -180,7 +178,7 @@ def _inertial(
         )  # fmt: skip
     else:
         r = solve(h, site.gravity, site.latitude, method.estimator)
-        levels = disturbance_levels(left, site.gravity, spec)
+        levels = disturbance_levels(left, site.gravity, spec, h.sampling_faults)
         responses = inertial_responses(h, r, site.gravity, site.latitude, method.estimator, at_end)
     attitude = _attitude(problem, r)
     c = inertial_to_local(h.duration if at_end else 0.0, site.latitude)

@@ -50,25 +50,29 @@ class History:
         Time of the start, s.
     samples : int
         Samples in all.
+    sampling_faults : bool
+        Whether samples were lost, held, replaced or cut off, or their times are unsure: what is
+        made of them has errors that no specification of the sensors holds.
     """
 
     rows: Array
     start: float
     samples: int
+    sampling_faults: bool = False
 
     @classmethod
-    def from_state(cls, state: Array, nodes: Array) -> History:
+    def from_state(cls, state: Array, nodes: Array, *, sampling_faults: bool = False) -> History:
         """Copy the nodes of a tracking kernel and add the last instant when it is not one."""
         last = TrackerState(state)
         rows = nodes[: int(last.nodes)]
         if last.updates > TrackerNode(rows).updates[-1]:
             rows = np.vstack([rows, last.node().data])
-        return cls(rows.copy(), float(last.start), int(last.samples))
+        return cls(rows.copy(), float(last.start), int(last.samples), sampling_faults)
 
     @classmethod
     def with_waiting(
         cls, state: TrackerState, nodes: Array, flags: tuple[float, float],
-        tail: tuple[Array, Array],
+        tail: tuple[Array, Array], *, sampling_faults: bool = False,
     ) -> History:  # fmt: skip
         """Copy the sums of a tracking kernel, with the samples that wait for a full update.
 
@@ -80,12 +84,14 @@ class History:
             Whether coning and sculling are to be corrected.
         tail : (k,), (k,) float64
             Times and intervals of the last samples, s.
+        sampling_faults : bool
+            As of a history.
         """
         from schuler.kernels import tracking
 
         waiting = int(state.waiting)
         if not waiting:
-            return cls.from_state(state.data, nodes)
+            return cls.from_state(state.data, nodes, sampling_faults=sampling_faults)
         state, nodes = TrackerState(state.data.copy()), nodes.copy()
         rows = state.waiting_samples[:waiting].copy()
         time, dt = (each[-waiting:] for each in tail)
@@ -103,7 +109,7 @@ class History:
             state.data, nodes, 1, *flags, time, dt,
             np.ascontiguousarray(rows[:, :3]), np.ascontiguousarray(rows[:, 3:]),
         )  # fmt: skip
-        return cls.from_state(state.data, nodes)
+        return cls.from_state(state.data, nodes, sampling_faults=sampling_faults)
 
     @classmethod
     def of_record(cls, record: ImuRecord) -> History:

@@ -12,6 +12,7 @@ import numpy as np
 from schuler._version import __version__
 from schuler.alignment.aligner import Aligner
 from schuler.alignment.checkpoint import read_checkpoint, write_checkpoint
+from schuler.alignment.method import Method
 from schuler.alignment.methods import METHODS
 from schuler.alignment.result import Alignment
 from schuler.earth import Site
@@ -74,8 +75,8 @@ class LiveAligner:
     site : Site
     kind : {"rates", "mean-rates", "increments"}
         What the values are.
-    method : str, optional
-        A name of `METHODS`.
+    method : Method or str, optional
+        A name of `METHODS`; a prefilter of it must stream (`Prefilter.streams`).
     spec : ImuSpec, str or path, optional
     depth : int
         Samples that are held while one is missing.
@@ -85,7 +86,7 @@ class LiveAligner:
     Raises
     ------
     InputError
-        For an unknown method, or one with a prefilter, which needs the whole record.
+        For an unknown method, or one that needs the whole record, or whose prefilter does.
 
     Examples
     --------
@@ -101,7 +102,7 @@ class LiveAligner:
         self,
         site: Site,
         kind: str = "increments",
-        method: str | None = None,
+        method: Method | str | None = None,
         spec: ImuSpec | str | Path | None = None,
         *,
         depth: int = 64,
@@ -114,9 +115,13 @@ class LiveAligner:
                 f"the method {self.aligner.method} needs the whole record and cannot run live; "
                 f"take one of {', '.join(live)}"
             )
-        if self.aligner.method.prefilter is not None:
-            raise InputError("a prefilter needs the whole record and cannot run live")
-        self._name = method or "auto"
+        prefilter = self.aligner.method.prefilter
+        if prefilter is not None and not prefilter.streams:
+            raise InputError(
+                f"the prefilter {prefilter} needs the whole record and cannot run live; one in "
+                "blocks can: emd-velocity(block=100 s)"
+            )
+        self._name = method if isinstance(method, str) else str(self.aligner.method)
         self._max_gap = max_gap
         self.intake = Intake(kind, max_gap=max_gap, name="live")
         self.order = Reorder(depth)
@@ -203,6 +208,20 @@ class LiveAligner:
             "spec": None if spec is None else spec.describe(),
         }  # fmt: skip
 
+    def check_saved(self) -> None:
+        """Refuse to save a state that would not be whole.
+
+        Raises
+        ------
+        InputError
+            If the method has a prefilter.
+        """
+        if self.aligner.method.prefilter is not None:
+            raise InputError(
+                "a saved state does not hold the samples that a prefilter is at work on: leave out "
+                "the checkpoint or the prefilter"
+            )
+
     def save(self, path: str | Path, **more: Any) -> None:
         """Write the state (npz), whole or not at all.
 
@@ -215,8 +234,9 @@ class LiveAligner:
         Raises
         ------
         InputError
-            If the file cannot be written.
+            If the file cannot be written, or the method has a prefilter.
         """
+        self.check_saved()
         arrays = {**self.aligner.arrays(), **self.intake.arrays()}
         for name, samples in (("held", list(self.order.held.values())), ("before", self._before)):
             rows = [[n, t, *v] for n, t, v in samples]
@@ -244,6 +264,7 @@ class LiveAligner:
         """
         from schuler.alignment.live_layout import LayoutError, check_state
 
+        self.check_saved()
         meta, arrays = read_checkpoint(path)
         for key, value in json.loads(json.dumps(self._meta())).items():
             if meta.get(key) != value:

@@ -69,7 +69,8 @@ class Method(ABC):
     Parameters
     ----------
     prefilter : Prefilter, optional
-        Applied to the whole record first, which is then held in memory.
+        Applied first: to the whole record, which is then held in memory, or to the stream where it
+        can be (`Prefilter.streams`).
     """
 
     needs: ClassVar[Literal["sums", "samples"]] = "sums"

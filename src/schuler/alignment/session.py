@@ -18,6 +18,7 @@ import numpy as np
 
 from schuler.alignment.checkpoint import read_checkpoint
 from schuler.alignment.live import LiveAligner
+from schuler.alignment.method import Method
 from schuler.alignment.result import Alignment
 from schuler.constants import EARTH_RATE
 from schuler.earth import Site
@@ -107,7 +108,7 @@ class LiveSession:
         self,
         site: Site,
         kind: str = "increments",
-        method: str | None = None,
+        method: Method | str | None = None,
         spec: ImuSpec | str | Path | None = None,
         *,
         depth: int = 64,
@@ -132,6 +133,8 @@ class LiveSession:
         self._counted = True
         self.spans = 0
         self.packets = 0
+        if self._checkpoint is not None:
+            self._live.check_saved()
         if self._checkpoint is not None and os.path.lexists(self._checkpoint):
             self._resume(self._checkpoint, cold_start)
 

@@ -24,7 +24,7 @@ from schuler.centrifuge.plan import Plan, compare_objectives, explore, plan
 from schuler.centrifuge.plant import PUBLISHED_POSITIONS, Plant
 from schuler.centrifuge.result import CentrifugeTest, identify
 from schuler.centrifuge.scheme import CentrifugeScheme
-from schuler.centrifuge.scorecard import Scorecard, score
+from schuler.centrifuge.scorecard import Scorecard, by_objective, score
 from schuler.centrifuge.search import AngleLimits, Problem, evaluate_positions
 from schuler.centrifuge.simulate import simulate_platform
 
@@ -44,6 +44,7 @@ __all__ = [
     "PlatformFit",
     "Problem",
     "Scorecard",
+    "by_objective",
     "coefficient_names",
     "coefficient_units",
     "compare_objectives",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,7 +13,7 @@ from schuler.centrifuge.objective import OBJECTIVES, Objective, judge, time_to_r
 from schuler.centrifuge.plant import Plant
 from schuler.errors import InputError
 
-__all__ = ["LABELS", "Scorecard", "score"]
+__all__ = ["LABELS", "Scorecard", "by_objective", "score"]
 
 #: what the objectives are called where a person reads them, with their units
 LABELS = {
@@ -98,6 +99,34 @@ class Scorecard:
                 + ("  optimised" if name == self.optimised else "")
             )
         return "\n".join(lines)
+
+
+def by_objective(cards: Mapping[int, Scorecard]) -> str:
+    """Return a table of every objective by the number of positions, the least of each marked.
+
+    Parameters
+    ----------
+    cards : mapping of int to Scorecard
+        Of the plan with so many positions.
+
+    Examples
+    --------
+    >>> from schuler.centrifuge import PUBLISHED_POSITIONS
+    >>> values = score(Plant(), PUBLISHED_POSITIONS, 20.0)
+    >>> by_objective({6: Scorecard("min-max", values, values)}).splitlines()[0]
+    'positions                             6'
+    """
+    lines = [f"{'positions':28}" + "".join(f"{count:>11}" for count in cards)]
+    for name, text in LABELS.items():
+        values = [card.plan[name] for card in cards.values()]
+        least = min(values)
+        lines.append(
+            f"{text:28}" + "".join(
+                f"{value:10.4g}{'*' if value == least and np.isfinite(value) else ' '}"
+                for value in values
+            )
+        )  # fmt: skip
+    return "\n".join(line.rstrip() for line in lines)
 
 
 def score(

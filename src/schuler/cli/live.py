@@ -14,7 +14,7 @@ import click
 
 from schuler.cli.command import CONTRADICTED, Command, echo
 from schuler.cli.common import gravity_options, say_warnings, site_options, site_or_none
-from schuler.cli.completion import methods, specs
+from schuler.cli.completion import methods, prefilters, specs
 from schuler.cli.parameters import Count, InputFile, OutputFile, Seconds
 from schuler.errors import InputError
 
@@ -44,6 +44,12 @@ _ENOUGH = 10_000
     metavar="NAME",
     shell_complete=methods,
     help="As of schuler align; not the Kalman filters.",
+)
+@click.option(
+    "--prefilter",
+    metavar="NAME",
+    shell_complete=prefilters,
+    help='Before it: one that runs on a stream, as "emd-velocity(block=100 s)".',
 )
 @click.option("--spec", type=InputFile(), metavar="GRADE|TOML", shell_complete=specs,
               help="The instrument.")  # fmt: skip
@@ -91,9 +97,11 @@ def command(**options: Any) -> int:
       schuler live udp:0.0.0.0:5005 --lat 34.2 --from 192.168.0.7 --key-file imu.key
       cat /dev/ttyUSB0 | schuler live - --lat 34.2 --kind rates --json
     """  # noqa: D301
+    from schuler.alignment.methods import parse_method
     from schuler.alignment.session import LiveSession
     from schuler.io.live_sources import check_sender, open_live_source
     from schuler.io.packets import read_key
+    from schuler.prefilter import parse_prefilter
 
     site = site_or_none(options)
     if site is None:
@@ -104,8 +112,11 @@ def command(**options: Any) -> int:
         raise InputError("--cold-start is about a checkpoint: say --checkpoint")
     sender = None if options["sender"] is None else check_sender(options["sender"], source)
     key = None if options["key_file"] is None else read_key(options["key_file"])
+    method: Any = options["method"]
+    if options["prefilter"] is not None:
+        method = parse_method(method).with_prefilter(parse_prefilter(options["prefilter"]))
     session = LiveSession(
-        site, options["kind"], options["method"], options["spec"], depth=options["depth"],
+        site, options["kind"], method, options["spec"], depth=options["depth"],
         max_gap=options["max_gap"], key=key, only=sender, checkpoint=checkpoint,
         cold_start=options["cold_start"],
     )  # fmt: skip

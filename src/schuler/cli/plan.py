@@ -104,7 +104,8 @@ def centrifuge(**options: Any) -> None:
     """Find the positions of a platform on a centrifuge that tell its 45 coefficients best.
 
     The table at the end shows the plan by every objective, beside the published scheme and the
-    best that a search for each objective finds.
+    best that a search for each objective finds. With a range of positions, a table before it has
+    every objective of each number's plan.
 
     \b
       schuler plan centrifuge --positions 6 --dwell 20s --time-limit 60s --seed 0 --json -
@@ -115,6 +116,7 @@ def centrifuge(**options: Any) -> None:
         Objective,
         Plant,
         Problem,
+        by_objective,
         compare_objectives,
         explore,
         plan,
@@ -131,11 +133,18 @@ def centrifuge(**options: Any) -> None:
         options["method"],
     )  # fmt: skip
 
+    reached: dict[int, float] = {}
+
     def progress(count: int, seconds: float, best: float, spent: int) -> None:
-        say(
+        reached[count] = best
+        text = (
             f"{count} positions, {seconds:6.1f} s: best {options['objective']} so far {best:.6g} "
             f"after {spent} evaluations"
         )
+        if len(reached) > 1:
+            of = min(reached, key=lambda each: reached[each])
+            text += f"; of all numbers {reached[of]:.6g}, {of} positions"
+        say(text)
 
     settings: dict[str, Any] = {
         "seed": options["seed"], "time_limit": options["time_limit"], "rounds": options["rounds"],
@@ -187,6 +196,10 @@ def centrifuge(**options: Any) -> None:
                    f"{each.published_objective:10.4g}  {100 * each.worst_relative_sigma:9.3g} %   "
                    f"{shown_at}")  # fmt: skip
     echo()
+    if len(found) > 1:
+        echo("by every objective, * the least:")
+        echo(by_objective({len(each.positions): each.scorecard for each in found}))
+        echo()
     echo(f"{len(found[best].positions)} positions; {found[best].scorecard.headline}")
     echo(found[best].scorecard)
 

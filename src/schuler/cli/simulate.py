@@ -22,9 +22,9 @@ __all__ = ["command"]
 @click.command("simulate", cls=Command)
 @click.argument("scenario", type=InputFile(), metavar="SCENARIO.toml", shell_complete=scenarios)
 @click.option(
-    "--out", type=OutputFile(".parquet", ".csv", ".npz"), metavar="FILE",
+    "--out", type=OutputFile(".parquet", ".csv", ".npz", ".mat", ".h5"), metavar="FILE",
     help="The record: .parquet (default: by the scenario's name), "
-    ".csv or .npz.",
+    ".csv, .npz, .mat or .h5.",
 )  # fmt: skip
 @click.option(
     "--truth",

@@ -11,8 +11,12 @@ from schuler.errors import InputError
 from schuler.io.columns import choose
 from schuler.io.content import BLOCK_ROWS, Array, Block, Content
 from schuler.io.mapping import Mapping
+from schuler.io.own import own_mapping, own_name, parse_own
 
-__all__ = ["from_arrays", "holds_samples"]
+__all__ = ["OWN", "from_arrays", "from_own_arrays", "holds_samples", "own_text"]
+
+OWN = "schuler"
+"""Name of the array that holds what schuler wrote about the others."""
 
 _TIME = ("t", "time", "timestamp", "timestamps", "times")
 _GYRO = ("gyro", "gyr", "gyroscope", "omega", "w", "wb", "angular_rate", "angular_velocity")
@@ -118,6 +122,46 @@ def from_arrays(names: Sequence[str], load: Callable[[str], Any], mapping: Mappi
     dt = None if steps is None or mapping.rate else _line(steps, _numbers(steps, load), n)
     columns = [*gyro.T, *accel.T]
     return _content(time, columns, dt, said, f"array '{v.get('time', '')}'")
+
+
+def from_own_arrays(
+    text: str | bytes, names: Sequence[str], load: Callable[[str], Any], mapping: Mapping
+) -> Content:
+    """Return the rows of a file that schuler wrote, with what it says of itself.
+
+    Parameters
+    ----------
+    text : str or bytes
+        The array "schuler" of the file.
+    names, load, mapping
+        As of `from_arrays`.
+
+    Raises
+    ------
+    InputError
+        If the description or an array is damaged.
+    """
+    own = parse_own(text, "into the array 'schuler'")
+    rest = [name for name in names if name != OWN]
+    content = from_arrays(rest, load, Mapping(array=mapping.array))
+    content.said = own_mapping(own)
+    content.name = own_name(own)
+    content.complete = True
+    return content
+
+
+def own_text(codes: Any) -> bytes:
+    """Return the description that a file holds as the codes of its characters.
+
+    Raises
+    ------
+    InputError
+        If they are no codes.
+    """
+    values = np.ravel(np.asarray(codes))
+    if values.dtype != np.uint8:
+        raise InputError("the description that schuler wrote into the array 'schuler' is damaged")
+    return values.tobytes()
 
 
 def _rate(names: Sequence[str], load: Callable[[str], Any]) -> Mapping:

@@ -1,4 +1,4 @@
-"""MATLAB 7.3 files: arrays of numbers at the top of an HDF5 file, and nothing behind a link.
+"""HDF5, and so MATLAB 7.3 files: arrays of numbers at the top, and nothing behind a link.
 
 HDF5 lets a file point elsewhere: soft and external links, datasets whose values are in other files
 or put together from others. A file from elsewhere could so bring in any file of the machine; all
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from schuler.errors import InputError, shown
-from schuler.io.arrays import from_arrays, holds_samples
+from schuler.io.arrays import OWN, from_arrays, from_own_arrays, holds_samples, own_text
 from schuler.io.content import Content
 from schuler.io.limits import LEAST, check_size
 from schuler.io.mapping import Mapping
@@ -41,8 +41,8 @@ def open_hdf5(path: Path, mapping: Mapping) -> Content:
         import h5py
     except ImportError:
         raise InputError(
-            "is a MATLAB 7.3 file, which needs h5py: install schuler[mat], or save it in MATLAB "
-            "with -v7"
+            "is an HDF5 file (MATLAB 7.3), which needs h5py: install schuler[mat], or save it in "
+            "MATLAB with -v7"
         ) from None
     try:
         file = h5py.File(path, "r")
@@ -95,6 +95,8 @@ def open_hdf5(path: Path, mapping: Mapping) -> Content:
             except Exception as error:  # as above
                 raise _damaged(error) from None
 
+        if OWN in datasets:
+            return from_own_arrays(own_text(load(OWN)), names, load, mapping)
         return from_arrays(names, load, mapping)
 
 
@@ -136,4 +138,4 @@ def _check_chunk(identifier: Any, number: int, nominal: int, label: str) -> None
 
 def _damaged(error: Exception) -> InputError:
     reason = (str(error).splitlines() or [""])[0] or type(error).__name__
-    return InputError(f"is a damaged or truncated .mat file ({shown(reason)[:120]})")
+    return InputError(f"is a damaged or truncated .mat or HDF5 file ({shown(reason)[:120]})")

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.errors import InputError, shown
-from schuler.io.arrays import from_arrays, holds_samples
+from schuler.io.arrays import OWN, from_arrays, from_own_arrays, holds_samples, own_text
 from schuler.io.content import Content
 from schuler.io.hdf5 import open_hdf5
 from schuler.io.limits import check_size
@@ -30,10 +30,10 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 class MatReader:
-    """Reader of .mat files."""
+    """Reader of .mat files, and of HDF5 with arrays at its top."""
 
     name = "mat"
-    suffixes: tuple[str, ...] = (".mat",)
+    suffixes: tuple[str, ...] = (".mat", ".h5", ".hdf5")
 
     def sniff(self, head: bytes) -> bool:
         """Say whether MATLAB's or HDF5's mark is there."""
@@ -123,6 +123,8 @@ def _open_classic(path: Path, mapping: Mapping) -> Content:
     if not holds_samples(names) or any("." in name for name in wanted):
         for name in parts:
             names += _fields(whole(name), name)
+    if OWN in sizes:
+        return from_own_arrays(own_text(load(OWN)), names, field, mapping)
     return from_arrays(names, field, mapping)
 
 

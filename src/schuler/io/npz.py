@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 
 from schuler.errors import InputError, shown
-from schuler.io.arrays import from_arrays
+from schuler.io.arrays import OWN, from_arrays, from_own_arrays
 from schuler.io.columns import choose
 from schuler.io.content import Content
 from schuler.io.limits import check_size
 from schuler.io.mapping import Mapping
-from schuler.io.own import own_mapping, own_name, parse_own
 
 __all__ = ["NpyReader", "NpzReader"]
 
@@ -47,15 +46,9 @@ class NpzReader:
         with archive:
             _check_count(path, len(archive.infolist()))
             arrays = _Arrays(archive, path.stat().st_size)
-            if "schuler" not in arrays.names:
+            if OWN not in arrays.names:
                 return from_arrays(arrays.names, arrays.load, mapping)
-            own = parse_own(str(arrays.load("schuler")), "into the array 'schuler'")
-            rest = [name for name in arrays.names if name != "schuler"]
-            content = from_arrays(rest, arrays.load, Mapping(array=mapping.array))
-        content.said = own_mapping(own)
-        content.name = own_name(own)
-        content.complete = True
-        return content
+            return from_own_arrays(str(arrays.load(OWN)), arrays.names, arrays.load, mapping)
 
 
 class NpyReader:

@@ -27,7 +27,7 @@ __all__ = [
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-_MATLAB_HEAD = b"MATLAB 5.0 MAT-file, %s of PSINS by schuler"
+_MATLAB_HEAD = b"MATLAB 5.0 MAT-file, %s by schuler"
 """Text at the beginning of a .mat file; SciPy's own has the time of day in it."""
 
 _MATLAB_TEXT = 116
@@ -203,16 +203,23 @@ def _kml(part: Path, trajectory: Trajectory, _: str, __: Mapping[str, Any]) -> N
 
 def _mat(part: Path, trajectory: Trajectory, layout: str, _: Mapping[str, Any]) -> None:
     avp = np.column_stack(list(_LAYOUTS[layout](trajectory).values()))
-    part.write_bytes(matlab_bytes("avp", avp))
+    part.write_bytes(matlab_bytes({"avp": avp}, "avp of PSINS"))
 
 
-def matlab_bytes(name: str, values: Array) -> bytes:
-    """Return a MATLAB 5 file with one array of PSINS, the same bytes for the same values."""
+def matlab_bytes(arrays: Mapping[str, Any], what: str) -> bytes:
+    """Return a MATLAB 5 file of arrays, the same bytes for the same values.
+
+    Parameters
+    ----------
+    arrays : mapping of str to array
+    what : str
+        What they are, for the file's head.
+    """
     from scipy.io import savemat
 
     held = io.BytesIO()
-    savemat(held, {name: values}, do_compression=True)
-    head = (_MATLAB_HEAD % name.encode()).ljust(_MATLAB_TEXT)
+    savemat(held, dict(arrays), do_compression=True, oned_as="column")
+    head = (_MATLAB_HEAD % what.encode()).ljust(_MATLAB_TEXT)
     return head + held.getvalue()[_MATLAB_TEXT:]
 
 

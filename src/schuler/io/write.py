@@ -1,4 +1,4 @@
-"""Saving a record: Parquet, CSV or npz, whole or not at all, bit for bit."""
+"""Saving a record: Parquet, CSV, npz, .mat or HDF5, whole or not at all, bit for bit."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 from schuler._arrow import column_of
 from schuler._files import replacing
 from schuler.errors import InputError
+from schuler.io.arrays import OWN
 from schuler.io.dialect import MAGIC
 from schuler.io.sealed import write_sealed
 from schuler.io.trajectory_write import matlab_bytes
@@ -42,7 +43,7 @@ def write(
     record : ImuRecord
         With three gyros, or the gyros of an array, and three accelerometers.
     path : str or Path
-        Its suffix chooses the format: .parquet, .csv or .npz.
+        Its suffix chooses the format: .parquet, .csv, .npz, .mat or .h5.
     overwrite : bool
         Whether a file of that name may be replaced.
     layout : {"schuler", "psins", "pyins"}
@@ -125,23 +126,44 @@ def _write_csv(record: ImuRecord, path: Path, about: str) -> None:
         csv.write_csv(_table(record), file, options)
 
 
+def _arrays(record: ImuRecord) -> dict[str, Any]:
+    return {
+        "time": record.time, "dt": record.dt, "dtheta": record.dtheta, "dvel": record.dvel,
+    }  # fmt: skip
+
+
+def _codes(about: str) -> Any:
+    """Return a text as the codes of its characters: numbers go into any file of arrays."""
+    return np.frombuffer(about.encode(), np.uint8)
+
+
 def _write_npz(record: ImuRecord, path: Path, about: str) -> None:
     with path.open("wb") as file:
-        np.savez(
-            file,
-            time=record.time,
-            dt=record.dt,
-            dtheta=record.dtheta,
-            dvel=record.dvel,
-            schuler=np.array(about),
-        )
+        np.savez(file, **_arrays(record), schuler=np.array(about))
+
+
+def _write_mat(record: ImuRecord, path: Path, about: str) -> None:
+    path.write_bytes(matlab_bytes({**_arrays(record), OWN: _codes(about)}, "a record"))
+
+
+def _write_hdf5(record: ImuRecord, path: Path, about: str) -> None:
+    try:
+        import h5py
+    except ImportError:
+        raise InputError("HDF5 needs h5py: pip install 'schuler[mat]'") from None
+    with h5py.File(path, "w", track_order=True) as file:
+        for name, values in {**_arrays(record), OWN: _codes(about)}.items():
+            # MATLAB keeps its columns as rows of HDF5, and so do its 7.3 files.
+            file.create_dataset(name, data=values.T, track_times=False)
 
 
 def _write_psins(record: ImuRecord, path: Path, _: str) -> None:
     if record.dtheta.shape[1] != 3:
         raise InputError(f"PSINS takes three gyros, this record has {record.dtheta.shape[1]}")
     path.write_bytes(
-        matlab_bytes("imu", np.column_stack([record.dtheta, record.dvel, record.time]))
+        matlab_bytes(
+            {"imu": np.column_stack([record.dtheta, record.dvel, record.time])}, "imu of PSINS"
+        )
     )
 
 
@@ -154,7 +176,14 @@ def _write_pyins(record: ImuRecord, path: Path, _: str) -> None:
 _Writer = Callable[[ImuRecord, Path, str], None]
 
 _LAYOUTS: dict[str, dict[str, _Writer]] = {
-    "schuler": {".parquet": _write_parquet, ".csv": _write_csv, ".npz": _write_npz},
+    "schuler": {
+        ".parquet": _write_parquet,
+        ".csv": _write_csv,
+        ".npz": _write_npz,
+        ".mat": _write_mat,
+        ".h5": _write_hdf5,
+        ".hdf5": _write_hdf5,
+    },
     "psins": {".mat": _write_psins},
     "pyins": {".csv": _write_pyins},
 }

@@ -158,21 +158,26 @@ def track(state, nodes, n_sub, coning, sculling, time, dt, dtheta, dvel):
 
 
 @kernel
-def attitudes(coning, dtheta, out):
+def attitudes(state, coning, dtheta, out):
     """Fill out (n, 4) with q_b^b0 at the middle of each sample, b0 the body at the start.
 
     Parameters
     ----------
+    state : (7,) float64
+        q_b^b0 at the end of the sample before and its angle increment; 1 and six zeros at the
+        start. It is left ready for the next chunk.
     coning : float
         1 to correct for coning with the sample before, 0 where the instrument has done it.
     dtheta, out : (n, 3), (n, 4) float64
         Angle increments, rad, and quaternions.
     """
-    q = (1.0, 0.0, 0.0, 0.0)
-    before = (0.0, 0.0, 0.0)
+    q = (state[0], state[1], state[2], state[3])
+    before = (state[4], state[5], state[6])
     for i in range(dtheta.shape[0]):
         a = (dtheta[i, 0], dtheta[i, 1], dtheta[i, 2])
         half = qmul(q, qexp((0.5 * a[0], 0.5 * a[1], 0.5 * a[2])))
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = half
         q = normalised(qmul(q, qexp(coned(coning, before, a))))
         before = a
+    state[0], state[1], state[2], state[3] = q
+    state[4], state[5], state[6] = before

@@ -104,15 +104,26 @@ class Route:
 
     def _controls(self, t: Array) -> tuple[Array, Array, Array]:
         """Return speed, psi and climb with three derivatives, (n, 4) each; m/s and rad."""
+        if len(t) > 1 and np.any(t[1:] < t[:-1]):
+            order = np.argsort(t)
+            back = np.empty_like(order)
+            back[order] = np.arange(len(t))
+            speed, psi, climb = self._controls(t[order])
+            return speed[back], psi[back], climb[back]
         speed, psi, climb = (np.zeros((len(t), 4)) for _ in range(3))
         speed[:, 0] = self.speed
         psi[:, 0] = -self.heading * DEG
         begin = 0.0
         for m in self.manoeuvres:
-            shape = _step((t - begin) / m.time) / m.time ** np.arange(4)
-            speed += m.speed * shape
-            psi -= m.turn * DEG * shape
-            climb += m.climb * DEG * shape
+            # Before a manoeuvre nothing of it is there, after it all: only between is it computed,
+            # and one row more at each end, as the times at both are rounded.
+            first = max(0, int(np.searchsorted(t, begin)) - 1)
+            last = int(np.searchsorted(t, begin + m.time, "right")) + 1
+            during, after = slice(first, last), slice(last, None)
+            shape = _step((t[during] - begin) / m.time) / m.time ** np.arange(4)
+            for state, change in ((speed, m.speed), (psi, -m.turn * DEG), (climb, m.climb * DEG)):
+                state[during] += change * shape
+                state[after, 0] += change
             begin += m.time
         return speed, psi, climb
 

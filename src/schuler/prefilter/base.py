@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +20,30 @@ __all__ = [
     "FRAMES",
     "Chain",
     "Prefilter",
+    "PrefilterStream",
     "check_channels",
     "each_channel",
     "even_interval",
+    "uneven_sample",
 ]
 
 Array = NDArray[np.float64]
 
 CHANNELS = ("accel", "gyro", "both")
 FRAMES = ("inertial", "body")
+
+
+class PrefilterStream(Protocol):
+    """A prefilter that takes a record in chunks; the bits of its samples do not depend on them."""
+
+    def push(self, chunk: ImuRecord) -> ImuRecord:
+        """Take a chunk and return the filtered samples that are ready, possibly none."""
+
+    def close(self) -> ImuRecord:
+        """Return the samples that are still held, possibly none: the stream has ended."""
+
+    def copy(self) -> PrefilterStream:
+        """Return a stream that continues by itself from here."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +57,21 @@ class Prefilter(ABC):
     >>> isinstance(sc.LowPass(1.0), Prefilter)
     True
     """
+
+    @property
+    def streams(self) -> bool:
+        """Whether the filter can take a record in chunks, in memory that does not grow."""
+        return False
+
+    def stream(self) -> PrefilterStream:
+        """Return a filter of the same options that takes chunks.
+
+        Raises
+        ------
+        InputError
+            If the filter needs the whole record.
+        """
+        raise InputError(f"the prefilter {self} needs the whole record: it cannot run on a stream")
 
     @abstractmethod
     def __call__(self, record: ImuRecord) -> ImuRecord:
@@ -94,12 +124,49 @@ class Chain(Prefilter):
         """Return the chain for a place with so much gravity, m/s^2."""
         return Chain(tuple(each.at(gravity) for each in self.filters))
 
+    @property
+    def streams(self) -> bool:
+        """Whether each of the filters can take a record in chunks."""
+        return all(each.streams for each in self.filters)
+
+    def stream(self) -> PrefilterStream:
+        """Return the chain for chunks.
+
+        Raises
+        ------
+        InputError
+            If one of the filters needs the whole record.
+        """
+        return _ChainStream([each.stream() for each in self.filters])
+
     def to_table(self) -> list[dict[str, Any]]:
         """Return name and options of each filter."""
         return [each.to_table() for each in self.filters]
 
     def __str__(self) -> str:
         return " | ".join(map(str, self.filters))
+
+
+class _ChainStream:
+    """Streams one after another."""
+
+    def __init__(self, streams: list[PrefilterStream]) -> None:
+        self._streams = streams
+
+    def push(self, chunk: ImuRecord) -> ImuRecord:
+        for each in self._streams:
+            chunk = each.push(chunk)
+        return chunk
+
+    def close(self) -> ImuRecord:
+        rest = self._streams[0].close()
+        for each in self._streams[1:]:
+            ready = each.push(rest)
+            rest = ImuRecord.concatenate([ready, each.close()])
+        return rest
+
+    def copy(self) -> PrefilterStream:
+        return _ChainStream([each.copy() for each in self._streams])
 
 
 def _links(each: Prefilter) -> tuple[Prefilter, ...]:
@@ -117,14 +184,22 @@ def even_interval(record: ImuRecord) -> float:
     if len(record) < 16:
         raise InputError(f"a prefilter needs 16 samples at least, the record has {len(record)}")
     interval = float(np.median(record.dt))
-    uneven = np.flatnonzero(np.abs(record.dt - interval) > 0.05 * interval)
-    if len(uneven):
-        raise InputError(
-            "a prefilter needs even sampling, but the sample at "
-            f"t = {record.time[uneven[0]]:.9g} s took {record.dt[uneven[0]]:.4g} s instead of "
-            f"{interval:.4g} s: cut the record there (--start, --stop)"
-        )
+    uneven = uneven_sample(record, interval)
+    if uneven is not None:
+        raise InputError(uneven)
     return interval
+
+
+def uneven_sample(record: ImuRecord, interval: float) -> str | None:
+    """Return which sample is far from an interval, s, in a sentence; None if none is."""
+    uneven = np.flatnonzero(np.abs(record.dt - interval) > 0.05 * interval)
+    if not len(uneven):
+        return None
+    return (
+        "a prefilter needs even sampling, but the sample at "
+        f"t = {record.time[uneven[0]]:.9g} s took {record.dt[uneven[0]]:.4g} s instead of "
+        f"{interval:.4g} s: cut the record there (--start, --stop)"
+    )
 
 
 def check_channels(channels: str, frame: str) -> None:
@@ -200,5 +275,6 @@ def held_frame(record: ImuRecord) -> Array:
     from schuler.kernels.tracking import attitudes
 
     out = np.empty((len(record), 4))
-    attitudes(float(not record.coning_corrected), record.dtheta, out)
+    start = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    attitudes(start, float(not record.coning_corrected), record.dtheta, out)
     return out

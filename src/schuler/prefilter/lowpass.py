@@ -10,6 +10,7 @@ twenty seconds of it. The zero-phase form runs both ways and does not delay.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -153,8 +154,18 @@ class LowPass(Prefilter):
         """
         return int(3.0 / (self.cutoff * interval)) + 1
 
+    @property
+    def streams(self) -> bool:
+        """Whether the filter can take a record in chunks."""
+        return not self.zero_phase and self.kind == "butterworth" and self.frame == "body"
+
     def stream(self) -> LowPassStream:
         """Return a filter that takes chunks; its samples do not depend on the chunking.
+
+        Raises
+        ------
+        InputError
+            If the filter needs the whole record.
 
         Examples
         --------
@@ -162,7 +173,7 @@ class LowPass(Prefilter):
         >>> type(stream).__name__
         'LowPassStream'
         """
-        if self.zero_phase or self.kind != "butterworth" or self.frame != "body":
+        if not self.streams:
             raise InputError(
                 "only the causal Butterworth filter in the body's frame can run on a stream"
             )
@@ -200,9 +211,17 @@ class LowPassStream:
         self._held: list[ImuRecord] = []
         self._sos: Array | None = None
         self._state: Array | None = None
+        self._last: ImuRecord | None = None
+
+    def copy(self) -> LowPassStream:
+        """Return a stream that continues by itself from here."""
+        other = copy(self)
+        other._held = list(self._held)
+        return other
 
     def push(self, chunk: ImuRecord) -> ImuRecord:
         """Take a chunk and return the filtered samples that are ready (possibly none)."""
+        self._last = chunk
         if self._state is not None:
             return self._run(chunk)
         if len(chunk):
@@ -216,9 +235,17 @@ class LowPassStream:
         return self._open(wanted, interval)
 
     def close(self) -> ImuRecord:
-        """Return what is still held: a stream shorter than its settling time."""
-        if self._state is not None or not self._held:
-            raise InputError("there is nothing left in the filter")
+        """Return what is still held: all of a stream that is shorter than `start_span`, or none.
+
+        Raises
+        ------
+        InputError
+            If nothing came.
+        """
+        if self._state is not None and self._last is not None:
+            return self._last.rows(0, 0)
+        if not self._held:
+            raise InputError("a prefilter needs 16 samples at least, the record has 0")
         held = sum(len(x) for x in self._held)
         return self._open(held, float(self._held[0].dt[0]))
 

@@ -30,6 +30,7 @@ from schuler.prefilter.emd import (
     decompose,
     split_index,
 )
+from schuler.prefilter.velocity_stream import VelocityEmdStream
 from schuler.record import ImuRecord
 
 __all__ = ["VelocityEmd"]
@@ -69,6 +70,11 @@ class VelocityEmd(Prefilter):
         Their standard deviation over that of the velocity.
     seed : int
         Of these noises.
+    block : float
+        Length of the blocks that are decomposed one by one, s; 0 decomposes the whole record. With
+        blocks a record can be a stream (`VelocityEmdStream`).
+    overlap : float
+        Of two blocks, s, over which one passes into the next.
 
     Examples
     --------
@@ -88,6 +94,8 @@ class VelocityEmd(Prefilter):
     ensemble: int = 0
     noise: float = 0.2
     seed: int = 0
+    block: float = field(default=0.0, metadata={"unit": "time"})
+    overlap: float = field(default=30.0, metadata={"unit": "time"})
 
     def __post_init__(self) -> None:
         check_sifting(self.ends, "standard-deviation", self.threshold, self.siftings, self.order)
@@ -101,6 +109,11 @@ class VelocityEmd(Prefilter):
         if self.ensemble < 0 or self.seed < 0:
             raise InputError(
                 f"ensemble and seed must be 0 or more, got {self.ensemble} and {self.seed}"
+            )
+        if not (self.block == 0.0 or 0.0 < 2.0 * self.overlap <= self.block < float("inf")):
+            raise InputError(
+                "block must be 0 (the whole record) or twice the overlap at least, got a block of "
+                f"{self.block:g} s and an overlap of {self.overlap:g} s"
             )
 
     def modes(self, velocity: Array, interval: float, axis: int = 0) -> tuple[Array, Array]:
@@ -156,6 +169,50 @@ class VelocityEmd(Prefilter):
         steps = rotate(turn, record.dvel)
         return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]), turn
 
+    def rebuilt(self, velocity: Array, interval: float) -> Array:
+        """Return the velocity (n, 3), m/s, without the modes that are dropped.
+
+        Examples
+        --------
+        >>> emd = sc.VelocityEmd(siftings=20)
+        >>> steps = record.dvel[:200]
+        >>> velocity = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+        >>> rebuilt = emd.rebuilt(velocity, 0.05)
+        >>> bool(np.allclose(rebuilt - velocity, emd.correction(steps, 0.05)))
+        True
+        """
+
+        def run(axis: int) -> Array:
+            series = np.ascontiguousarray(velocity[:, axis])
+            modes, trend = self.modes(series, interval, axis)
+            return np.asarray(modes[split_index(modes, first=self.first) :].sum(axis=0) + trend)
+
+        with ThreadPoolExecutor() as pool:
+            return np.column_stack(list(pool.map(run, range(3))))
+
+    def correction(self, steps: Array, interval: float) -> Array:
+        """Return what is added to the velocity (n + 1, 3), m/s, of steps (n, 3) of a block."""
+        velocity = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+        return np.asarray(self.rebuilt(velocity, interval) - velocity)
+
+    def whole(self, record: ImuRecord) -> ImuRecord:
+        """Return the record filtered as one block.
+
+        Raises
+        ------
+        InputError
+            For a record that is short or unevenly sampled.
+
+        Examples
+        --------
+        >>> len(sc.VelocityEmd(siftings=20).whole(record.between(None, 20.0)))
+        400
+        """
+        interval = even_interval(record)
+        velocity, turn = self.velocity(record)
+        steps = np.diff(self.rebuilt(velocity, interval), axis=0)
+        return replace(record, dvel=rotate(turn * [1.0, -1.0, -1.0, -1.0], steps))
+
     def __call__(self, record: ImuRecord) -> ImuRecord:
         """Return the record with the force that the rebuilt velocity has.
 
@@ -164,15 +221,27 @@ class VelocityEmd(Prefilter):
         InputError
             For a record that is short or unevenly sampled.
         """
-        interval = even_interval(record)
-        velocity, turn = self.velocity(record)
+        if not self.block:
+            return self.whole(record)
+        stream = self.stream()
+        return ImuRecord.concatenate([stream.push(record), stream.close()], quality=record.quality)
 
-        def run(axis: int) -> Array:
-            series = np.ascontiguousarray(velocity[:, axis])
-            modes, trend = self.modes(series, interval, axis)
-            return np.asarray(modes[split_index(modes, first=self.first) :].sum(axis=0) + trend)
+    @property
+    def streams(self) -> bool:
+        """Whether the filter can take a record in chunks: with blocks it can."""
+        return self.block > 0.0
 
-        with ThreadPoolExecutor() as pool:
-            rebuilt = np.column_stack(list(pool.map(run, range(3))))
-        steps = np.diff(rebuilt, axis=0)
-        return replace(record, dvel=rotate(turn * [1.0, -1.0, -1.0, -1.0], steps))
+    def stream(self) -> VelocityEmdStream:
+        """Return a filter that takes chunks.
+
+        Raises
+        ------
+        InputError
+            Without a block.
+        """
+        if not self.block:
+            raise InputError(
+                "the decomposition of the velocity needs the whole record; in blocks it can run on "
+                "a stream: emd-velocity(block=100 s)"
+            )
+        return VelocityEmdStream(self)

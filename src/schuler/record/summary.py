@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -189,6 +190,13 @@ class Summariser:
         self._state = SummaryState.zeros()
         self._state.length = 1.0
         self._table = np.zeros((blocks.CAPACITY, blocks.ROW))
+
+    def copy(self) -> Summariser:
+        """Return a summariser that continues by itself from here."""
+        other = copy(self)
+        other._state = SummaryState(self._state.data.copy())
+        other._table = self._table.copy()
+        return other
 
     def push(self, record: ImuRecord) -> None:
         """Take a chunk of three gyros and three accelerometers."""

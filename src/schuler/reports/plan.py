@@ -27,7 +27,9 @@ def plan_page(plans: Sequence[Plan]) -> Page:
     name = problem.objective.name
     sections = []
     if len(plans) > 1:
-        sections.append(Section("The trade", drawings=[_trade(plans, name)]))
+        sections.append(
+            Section("The trade", html=_by_objective(plans), drawings=[_trade(plans, name)])
+        )
     found = judge(problem.plant, best.positions, problem.dwell)
     scheme = [
         (f"position {k}", ", ".join(f"{v:g}°" for v in row))
@@ -82,6 +84,30 @@ def _scorecard(plan: Plan) -> str:
     return (
         "<table><caption>By every objective; the best is what a search for that objective alone "
         f"finds</caption><thead><tr><td></td>{head}</tr></thead><tbody>{body}</tbody></table>"
+    )
+
+
+def _by_objective(plans: Sequence[Plan]) -> str:
+    """Return the table of all objectives by the number of positions, the least of each in bold."""
+
+    def cell(value: float, least: float) -> str:
+        if not np.isfinite(value):
+            return "<td>–</td>"
+        return (
+            f"<td><strong>{value:.4g}</strong></td>" if value == least else f"<td>{value:.4g}</td>"
+        )
+
+    body = ""
+    for key, label in LABELS.items():
+        values = [plan.scorecard.plan[key] for plan in plans]
+        body += (
+            f'<tr><th scope="row">{escape(label)}</th>'
+            + "".join(cell(value, min(values)) for value in values) + "</tr>"
+        )  # fmt: skip
+    head = "".join(f'<th scope="col">{len(plan.positions)}</th>' for plan in plans)
+    return (
+        "<table><caption>By every objective, for each number of positions; the least is bold"
+        f"</caption><thead><tr><td></td>{head}</tr></thead><tbody>{body}</tbody></table>"
     )
 
 

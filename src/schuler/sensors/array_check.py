@@ -106,7 +106,7 @@ class ArrayCheck:
         clean = (rates[np.isfinite(rates).all(axis=1)] - known) / (1.0 + scale)
         held = np.vstack([self._rest, clean])
         k = len(held) // self._rows
-        whole = held[: k * self._rows].reshape(k, self._rows, -1)
+        whole = held[: k * self._rows].reshape(k, self._rows, held.shape[1])
         self._sums += list(whole.mean(axis=1))
         self._rest = held[k * self._rows :]
         while len(self._sums) > _MOST:
