@@ -28,8 +28,8 @@ _KEYS = (
     "gnss", "gnss_sigma", "gnss_height", "gnss_topic", "lever", "delay", "odometer",
     "odometer_scale", "wheels", "odometer_lever", "nhc_lever", "dvl",
     "dvl_frame", "dvl_lever", "height_file", "height_offset", "heading_file", "baseline",
-    "aid_topic", "time_offset", "nhc", "zupt", "scale_states", "estimate", "smooth", "outage",
-    "vibration", "robust",
+    "aid_topic", "time_offset", "nhc", "zupt", "scale_states", "axes_states",
+    "estimate", "smooth", "outage", "vibration", "robust",
 )  # fmt: skip
 _OFFSETS = ("gnss", "odometer", "dvl", "height", "heading")
 
@@ -116,6 +116,10 @@ def aiding_options(function: Any) -> Any:
         click.option(
             "--scale-states/--no-scale-states", default=False,
             help="Estimate scale factors of the sensors.",
+        ),
+        click.option(
+            "--axes-states/--no-axes-states", default=None,
+            help="Estimate misalignments of the sensors; where --spec has them by default.",
         ),
         click.option(
             "--estimate", metavar="LIST", help="Of delay, lever, mount, scale, with commas."
@@ -276,7 +280,8 @@ def navigate_with_aids(
     axle = lever_of(aids["nhc_lever"], "--nhc-lever")
     chosen = AidingOptions(
         non_holonomic=aids["nhc"], constraint_lever=axle, zero_velocity=aids["zupt"],
-        scale=aids["scale_states"], robust=aids["robust"], smooth=aids["smooth"], **more,
+        scale=aids["scale_states"], axes=aids["axes_states"], robust=aids["robust"],
+        smooth=aids["smooth"], **more,
     )  # fmt: skip
     begin, end = options.pop("start"), options.pop("stop")
     source, finish = open_file(options)
