@@ -236,6 +236,7 @@ def navigate_with_aids(
     truth: Trajectory | None, outputs: tuple[PathOutput, Any, Any],
 ) -> int:  # fmt: skip
     """Run an aided navigation and say what came of it; return the exit code."""
+    from schuler.aiding.clock import utc_of_zero
     from schuler.io import read_gnss, read_speed
     from schuler.navigation import AidingOptions, Outages, evaluate, navigate_aided
     from schuler.record import ImuRecord
@@ -297,7 +298,9 @@ def navigate_with_aids(
     if truth is not None:
         # At the samples: a reference may have more rows than there are epochs.
         evaluation = evaluate(replace(out, every=1).of_aided(found, record), truth)
-    out.write(out.of_aided(found, record))
+    zero = utc_of_zero(gnss.clock, gnss.epoch)
+    utc = None if zero is None else zero - offsets.get("gnss", 0.0)
+    out.write(out.of_aided(found, record), utc)
     if json_to is not None:
         emit_json(_data(found, source, evaluation), json_to)
     draw(found, report_to, evaluation=evaluation)
