@@ -317,7 +317,7 @@ class Aligner:
 
         Examples
         --------
-        >>> aligner = sc.Aligner(site, "centred", spec).update(record).prepared()
+        >>> aligner = sc.Aligner(site, "centred", spec).update(record).branch().prepared()
         >>> aligner.shares_pass(sc.Analytic())
         True
         >>> str(aligner.solution_by(sc.Analytic(), "end").method)

@@ -13,14 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.alignment.consistency import (
-    FALSE_ALARM,
-    Contradiction,
-    bias_sigma,
-    check,
-    with_gyro_bias,
-)
-from schuler.alignment.debias import without_gyro_bias
+from schuler.alignment.consistency import FALSE_ALARM, Contradiction, check
+from schuler.alignment.debias import bias_sigma, with_gyro_bias, without_gyro_bias
 from schuler.alignment.estimate import QUIET
 from schuler.alignment.history import History
 from schuler.alignment.method import Estimate

@@ -13,14 +13,12 @@ from schuler.alignment.method import Estimate, Problem
 from schuler.alignment.methods import Analytic, Inertial
 from schuler.alignment.stationary.analytic import analytic_attitude
 from schuler.alignment.stationary.disturbance import (
-    Residual,
     analytic_disturbance,
     disturbance_levels,
     inertial_disturbance,
     noise_ratio,
-    residual,
 )
-from schuler.alignment.stationary.inertial import MINIMUM_ROWS, solve
+from schuler.alignment.stationary.inertial import MINIMUM_ROWS, Residual, residual, solve
 from schuler.alignment.stationary.optimal import OptimalAlignment, joint
 from schuler.alignment.stationary.uncertainty import (
     Responses,

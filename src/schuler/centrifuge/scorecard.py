@@ -112,9 +112,9 @@ def by_objective(cards: Mapping[int, Scorecard]) -> str:
     Examples
     --------
     >>> from schuler.centrifuge import PUBLISHED_POSITIONS
-    >>> card = Scorecard("min-max", plan=score(Plant(), PUBLISHED_POSITIONS, 20.0), published={})
-    >>> by_objective({10: card}).splitlines()[0].split()
-    ['positions', '10']
+    >>> values = score(Plant(), PUBLISHED_POSITIONS, 20.0)
+    >>> by_objective({6: Scorecard("min-max", values, values)}).splitlines()[0]
+    'positions                             6'
     """
     lines = [f"{'positions':28}" + "".join(f"{count:>11}" for count in cards)]
     for name, text in LABELS.items():

@@ -174,8 +174,12 @@ class VelocityEmd(Prefilter):
 
         Examples
         --------
-        >>> VelocityEmd(siftings=20).rebuilt(np.zeros((200, 3)), 0.05).shape
-        (200, 3)
+        >>> emd = sc.VelocityEmd(siftings=20)
+        >>> steps = record.dvel[:200]
+        >>> velocity = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+        >>> rebuilt = emd.rebuilt(velocity, 0.05)
+        >>> bool(np.allclose(rebuilt - velocity, emd.correction(steps, 0.05)))
+        True
         """
 
         def run(axis: int) -> Array:
@@ -207,7 +211,7 @@ class VelocityEmd(Prefilter):
 
         Examples
         --------
-        >>> len(VelocityEmd(siftings=20).whole(record.between(None, 20.0)))
+        >>> len(sc.VelocityEmd(siftings=20).whole(record.between(None, 20.0)))
         400
         """
         interval = even_interval(record)

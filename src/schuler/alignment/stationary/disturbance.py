@@ -13,28 +13,25 @@ instrument's errors go through.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.alignment.history import History, gravity_direction, inertial_to_local
-from schuler.alignment.stationary.inertial import Weights, solve
+from schuler.alignment.history import History, inertial_to_local
+from schuler.alignment.stationary.inertial import Residual, Weights
 from schuler.alignment.stationary.levels import Levels, velocity_levels
-from schuler.alignment.stationary.uncertainty import BLOCKS, Responses, part_covariance
+from schuler.alignment.stationary.uncertainty import Responses, part_covariance
 from schuler.earth import Site
-from schuler.kernels.states import TrackerNode
 from schuler.sensors import ImuSpec
 
 __all__ = [
-    "Residual",
     "analytic_disturbance",
     "angle_powers",
     "disturbance_levels",
     "inertial_disturbance",
     "noise_ratio",
-    "residual",
     "velocity_powers",
 ]
 
@@ -44,58 +41,6 @@ FIRST_MODE, LAST_MODE = 3, 24
 
 _OUTLIER = 16.27
 """Chi-square of three degrees of freedom that one in a thousand exceeds."""
-
-
-@dataclass(frozen=True, eq=False)
-class Residual:
-    """What the best attitude leaves of the velocity, in ENU.
-
-    Parameters
-    ----------
-    t : (m,) float64
-        Middle of each stretch, s since the start.
-    dt : (m,) float64
-        Length of each stretch, s.
-    mean : (m, 3) float64
-        Mean residual velocity over each stretch, m/s, without its mean over the record.
-    instants : (k, 3) float64
-        Residual velocity at every instant of the history, m/s, in i0.
-    interval : float
-        Sampling interval, s.
-    """
-
-    t: Array
-    dt: Array
-    mean: Array
-    instants: Array
-    interval: float
-
-    @property
-    def rms(self) -> Array:
-        """Root mean square of the residual velocity, east, north, up, m/s, (3,)."""
-        return np.asarray(np.sqrt(np.mean(self.mean**2, axis=0)))
-
-
-def residual(h: History, site: Site, blocks: int = BLOCKS) -> Residual:
-    """Return the residual velocity of the centred fit over a history.
-
-    Examples
-    --------
-    >>> from schuler.alignment import residual
-    >>> residual(sc.align(record, site, spec=spec).history, site).rms.shape
-    (3,)
-    """
-    g, lat = site.gravity, site.latitude
-    r = solve(h, g, lat, "centred")
-    thin, _ = h.thin(blocks)
-    mean = thin.block_means(TrackerNode.sum_v) @ r.T
-    mean -= g * gravity_direction(lat) * thin.block_means(TrackerNode.sum_gravity)
-    weight = np.diff(thin.updates)
-    offset = weight @ mean / weight.sum()
-    t = 0.5 * (thin.t[1:] + thin.t[:-1])
-    local = np.einsum("iab,ib->ia", inertial_to_local(t, lat), mean - offset)
-    instants = h.velocity @ r.T - h.theory(g, lat) - offset
-    return Residual(t, np.diff(thin.t), local, instants, h.duration / max(h.samples, 1))
 
 
 @lru_cache(maxsize=8)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.history import History, inertial_to_local
-from schuler.alignment.stationary.inertial import Weights, weights
+from schuler.alignment.stationary.inertial import BLOCKS, Weights, weights
 from schuler.attitude import quat_to_matrix, skew
 from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
 from schuler.sensors.theory import flicker_correlation, gauss_markov_correlation
@@ -37,9 +37,6 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-
-BLOCKS = 256
-"""Stretches into which a history is thinned for the responses."""
 
 
 @dataclass(frozen=True, eq=False)
