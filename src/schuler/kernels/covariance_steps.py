@@ -166,14 +166,14 @@ def apply_gain(p, h, ph, gain, r, spare):
         a = h[k]
         if a != 0.0:
             for i in range(size):
-                spare[i] += a * (p[i, k] - gain[i] * ph[k])
+                spare[i] += a * (p[k, i] - gain[i] * ph[k])
     for i in range(size):
-        a, b = gain[i], spare[i]
+        a, b, c = gain[i], spare[i], ph[i]
+        # Left of the diagonal the numbers of the column: the same products, the same sum.
         for j in range(size):
-            p[i, j] = (p[i, j] - a * ph[j]) - b * gain[j]
-    for i in range(size):
-        for j in range(i + 1, size):
-            p[j, i] = p[i, j]
+            right = (p[i, j] - a * ph[j]) - b * gain[j]
+            left = (p[i, j] - gain[j] * c) - spare[j] * a
+            p[i, j] = left if j < i else right
 
 
 @kernel
