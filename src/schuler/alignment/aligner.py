@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._blas import with_one_blas_thread
 from schuler.alignment.assessment import assess, capped, notices
 from schuler.alignment.bound import limit, position_limit
 from schuler.alignment.debias import without_gyro_bias
@@ -319,6 +320,7 @@ class Aligner:
         other.method, other.at = method, at
         return other.solution()
 
+    @with_one_blas_thread
     def solution(self) -> Alignment:
         """Return the alignment of all that has been taken.
 

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._blas import with_one_blas_thread
 from schuler._files import check_keys, number, read_toml
 from schuler.attitude import euler_to_quat, quat_to_matrix, skew
 from schuler.constants import DEG
@@ -124,6 +125,7 @@ def _stretches(dwells: Array) -> tuple[NDArray[np.int64], Array, Array]:
     return which, np.cumsum(dt) - dt, dt
 
 
+@with_one_blas_thread
 def position_limit(
     spec: ImuSpec, site: Site, positions: Sequence[Position], interval: float = 0.01
 ) -> Limit:
@@ -190,6 +192,7 @@ def position_limit(
     return Limit(float(dt.sum()), covariance_of(information, names)[:9, :9])
 
 
+@with_one_blas_thread
 def limit(spec: ImuSpec, site: Site, duration: float, interval: float = 0.01) -> Array:
     """Return the Cramér-Rao limit on the covariance of phi for a base at rest.
 

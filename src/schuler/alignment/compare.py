@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from schuler._blas import with_one_blas_thread
+from schuler._processes import each
 from schuler._result import Result, table_of_rows
 from schuler.alignment.aligner import Aligner
 from schuler.alignment.convergence import heading_history
@@ -155,6 +157,7 @@ def settle_time(fix: Alignment, points: int = 100) -> float | None:
     return None if last + 1 >= len(t) else float(t[last + 1])
 
 
+@with_one_blas_thread
 def compare(
     record: ImuRecord,
     site: Site,
@@ -163,6 +166,7 @@ def compare(
     *,
     window: float | None = None,
     progress: Callable[[str], None] | None = None,
+    workers: int = 1,
 ) -> Comparison:
     """Run methods and prefilters on one record.
 
@@ -177,7 +181,9 @@ def compare(
         Length of the windows for repeatability, s; a tenth of the record, 60 s at least, when
         not given, and none where fewer than three fit.
     progress : callable, optional
-        Called with what is run next.
+        Called with what was run.
+    workers : int
+        Processes that share the work.
 
     Raises
     ------
@@ -205,24 +211,24 @@ def compare(
         record, _ = without_spikes(record)
     methods = [parse_method(m).with_prefilter(parse_prefilter(p)) for m, p in pairs]
     rows: dict[int, Row] = {}
-    fixes: dict[int, Alignment] = {}
+    said: dict[int, tuple[str, ...]] = {}
+    limits: list[float] = []
     left = list(range(len(methods)))
+    groups: list[dict[int, Method]] = []
     while left:
         # All that filter and track the record alike share one pass over it.
         first = Aligner(site, methods[left[0]], spec)
-        group = [k for k in left if first.shares_pass(methods[k])]
-        left = [k for k in left if k not in group]
-        _compare_group(
-            record, first, repeat, {k: methods[k] for k in group}, pairs, progress, rows, fixes
-        )
-    limits = [
-        float(fix.limit_arcmin[2])
-        for k, fix in fixes.items()
-        if fix.limit_arcmin is not None and methods[k].prefilter is None
-    ]
-    contradictions = next(
-        (fixes[k].contradictions for k in sorted(fixes) if fixes[k].contradictions), ()
-    )
+        groups.append({k: methods[k] for k in left if first.shares_pass(methods[k])})
+        left = [k for k in left if k not in groups[-1]]
+    jobs = [(record, site, spec, repeat, group, tuple(pairs)) for group in groups]
+    for group, found in zip(groups, each(_compare_group, jobs, workers), strict=True):
+        rows.update(found.rows)
+        said.update(found.contradictions)
+        limits += found.limits
+        if progress is not None:
+            for k in group:
+                progress(", ".join(name for name in pairs[k] if name != "none"))
+    contradictions = next((said[k] for k in sorted(said) if said[k]), ())
     # A record quieter than its specification has the lower bound.
     return Comparison(
         record.name, record.duration, repeat, min(limits, default=None),
@@ -230,18 +236,30 @@ def compare(
     )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class _Group:
+    """What methods that share a pass over the record make of it, by their numbers.
+
+    Parameters
+    ----------
+    rows : dict of int to Row
+    contradictions : dict of int to tuple of str
+    limits : list of float
+        Of those without a prefilter, arcmin.
+    """
+
+    rows: dict[int, Row]
+    contradictions: dict[int, tuple[str, ...]]
+    limits: list[float]
+
+
 def _compare_group(
-    record: ImuRecord, whole: Aligner, repeat: float | None, methods: dict[int, Method],
-    pairs: Sequence[tuple[str, str]], progress: Callable[[str], None] | None,
-    rows: dict[int, Row], fixes: dict[int, Alignment],
-) -> None:  # fmt: skip
-    """Fill the rows and alignments of methods that share a pass over the record."""
-
-    def say(k: int) -> None:
-        if progress is not None:
-            progress(", ".join(name for name in pairs[k] if name != "none"))
-
-    say(min(methods))
+    record: ImuRecord, site: Site, spec: ImuSpec | None, repeat: float | None,
+    methods: dict[int, Method], pairs: Sequence[tuple[str, str]],
+) -> _Group:  # fmt: skip
+    """Compare methods that share a pass over the record."""
+    out = _Group({}, {}, [])
+    whole = Aligner(site, methods[min(methods)], spec)
     begin = time.perf_counter()
     error = ""
     windows: list[Aligner] = []
@@ -254,8 +272,6 @@ def _compare_group(
         windows = list(track_windows(record, repeat, None, whole))
     for k, method in methods.items():
         name, filter_name = pairs[k]
-        if k > min(methods):
-            say(k)
         begin = time.perf_counter()
         try:
             if error:
@@ -263,17 +279,20 @@ def _compare_group(
             fix = whole.solution_by(method, "end")
         except SchulerError as refused:
             seconds = shared + time.perf_counter() - begin
-            rows[k] = Row(name, filter_name, None, None, None, None, seconds, str(refused))
+            out.rows[k] = Row(name, filter_name, None, None, None, None, seconds, str(refused))
             continue
         seconds = shared + time.perf_counter() - begin
-        fixes[k] = fix
+        out.contradictions[k] = fix.contradictions
+        if fix.limit_arcmin is not None and method.prefilter is None:
+            out.limits.append(float(fix.limit_arcmin[2]))
         # Windows are judged by the heading at their start: the vehicle may have moved.
         at = "end" if name in ("gyrocompass", "kalman-large") else "start"
-        rows[k] = Row(
+        out.rows[k] = Row(
             name, filter_name, fix.heading_deg, float(fix.sigma_arcmin[2]), settle_time(fix),
             _spread(windows, method, at), seconds, f"chose {fix.method}" if name == "auto" else "",
             fix.consistent,
         )  # fmt: skip
+    return out
 
 
 def _spread(windows: list[Aligner], method: Method, at: str) -> float | None:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._blas import with_one_blas_thread
 from schuler._result import Result
 from schuler.alignment.aligner import Aligner
 from schuler.alignment.history import inertial_to_local
@@ -71,6 +72,7 @@ class LatitudeFix(Result):
         )
 
 
+@with_one_blas_thread
 def align_without_latitude(
     record: ImuRecord,
     spec: ImuSpec | str | Path | None = None,

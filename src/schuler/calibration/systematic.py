@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler._blas import with_one_blas_thread
 from schuler._result import Result, table_of_rows
 from schuler.attitude import multiply, rotvec_to_quat
 from schuler.calibration.apply import Calibration
@@ -114,6 +115,7 @@ class SystematicFit(Result):
         return "\n".join(lines + [f"not observable: {name}" for name in self.unseen])
 
 
+@with_one_blas_thread
 def calibrate_systematic(
     record: ImuRecord, site: Site, start: ArrayLike, *, still_rate: float = 0.05 * DEG,
     gyro_noise: float = 0.003 * DEG / 60.0, accel_noise: float = 20.0 * MICRO_G,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -10,8 +9,8 @@ from contextlib import AbstractContextManager, contextmanager
 from itertools import chain, islice
 from typing import Any
 
+from schuler._processes import ONE_THREAD, cores, worker_pool
 from schuler.campaigns.chunk import Chunk, run_chunk
-from schuler.campaigns.worker import ONE_THREAD, start
 from schuler.errors import InputError, SchulerError, installed
 
 __all__ = ["cluster_executor", "execute", "local_cluster"]
@@ -119,13 +118,8 @@ def _died(error: BaseException) -> bool:
 
 @contextmanager
 def _pool() -> Iterator[tuple[Executor, int]]:
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    count = count or 1
-    # Forked processes would inherit locks of the threads that Arrow has started.
-    pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=start)
+    count = cores()
+    pool = worker_pool(count)
     try:
         yield pool, 3 * count
     finally:

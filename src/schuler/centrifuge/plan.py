@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._blas import with_one_blas_thread
 from schuler._result import Result, table_of_rows
 from schuler.centrifuge.objective import OBJECTIVES, judge
 from schuler.centrifuge.plant import PUBLISHED_POSITIONS
@@ -98,6 +99,7 @@ class Plan(Result):
         return super().to_pandas().set_index("name").astype(float)
 
 
+@with_one_blas_thread
 def plan(
     problem: Problem | None = None,
     *,
@@ -212,6 +214,7 @@ def _finish(
     )
 
 
+@with_one_blas_thread
 def compare_objectives(
     found: Plan, *, rounds: int = 1, seed: int = 0, workers: int = 2,
     executor: Executor | None = None, progress: Callable[[str], None] | None = None,
@@ -248,6 +251,7 @@ def compare_objectives(
     return replace(found, scorecard=replace(card, best=best))
 
 
+@with_one_blas_thread
 def explore(
     problem: Problem,
     counts: range,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._blas import with_one_blas_thread
 from schuler._result import Result, table_of_rows
 from schuler.centrifuge.coefficients import (
     PUBLISHED_ESTIMATES,
@@ -154,6 +155,7 @@ def _cell(value: float | None, form: str, width: int) -> str:
     return f"{'-' if value is None else format(value, form):>{width}}"
 
 
+@with_one_blas_thread
 def identify(
     plant: Plant, scheme: CentrifugeScheme, outputs: Sequence[Array] | Array | None = None,
     method: Ekf | None = None, *, first: Sequence[float] | None = None, truth: Array | None = None,

@@ -191,7 +191,13 @@ class VelocityEmd(Prefilter):
             return np.column_stack(list(pool.map(run, range(3))))
 
     def correction(self, steps: Array, interval: float) -> Array:
-        """Return what is added to the velocity (n + 1, 3), m/s, of steps (n, 3) of a block."""
+        """Return what is added to the velocity (n + 1, 3), m/s, of steps (n, 3) of a block.
+
+        Examples
+        --------
+        >>> VelocityEmd(siftings=20).correction(np.zeros((200, 3)), 0.05).shape
+        (201, 3)
+        """
         velocity = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
         return np.asarray(self.rebuilt(velocity, interval) - velocity)
 

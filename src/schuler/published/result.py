@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler._processes import cores, each
 from schuler._result import Result, table_of_rows
 from schuler.attitude import multiply, quat_to_rotvec
 from schuler.constants import ARCMIN
@@ -320,33 +321,11 @@ def each_run(
         Arguments.
     options : Options
     """
-    import os
-
     todo = list(jobs)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    workers = min(options.workers or cores or 1, len(todo))
-
-    def tell(done: int) -> None:
+    for k, found in enumerate(each(function, todo, options.workers or cores()), 1):
+        yield found
         if options.progress is not None:
-            options.progress(done, len(todo))
-
-    if workers <= 1:
-        for k, job in enumerate(todo, 1):
-            yield function(*job)
-            tell(k)
-        return
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    from schuler.campaigns.worker import start
-
-    # Forked processes would inherit locks of the threads that Arrow has started.
-    context = get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=start) as pool:
-        futures = [pool.submit(function, *job) for job in todo]
-        for k, future in enumerate(futures, 1):
-            yield future.result()
-            tell(k)
+            options.progress(k, len(todo))
 
 
 def call(function: Callable[..., T], *arguments: Any) -> T:
