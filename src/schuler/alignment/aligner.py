@@ -139,15 +139,7 @@ class Aligner:
         )
 
     def branch(self) -> Aligner:
-        """Return an aligner that has taken the same samples and continues by itself.
-
-        Examples
-        --------
-        >>> aligner = sc.Aligner(site, spec=spec).update(record.between(None, 20.0))
-        >>> other = aligner.branch().update(record.between(20.0, 30.0))
-        >>> aligner.samples, other.samples
-        (400, 600)
-        """
+        """Return an aligner that has taken the same samples and continues by itself."""
         assert self._filtered is None
         other = copy(self)
         other._state = TrackerState(self._state.data.copy())

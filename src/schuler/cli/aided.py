@@ -28,7 +28,7 @@ _KEYS = (
     "gnss", "gnss_sigma", "gnss_height", "gnss_topic", "lever", "delay", "odometer",
     "odometer_scale", "wheels", "odometer_lever", "nhc_lever", "dvl",
     "dvl_frame", "dvl_lever", "height_file", "height_offset", "heading_file", "baseline",
-    "aid_topic", "time_offset", "nhc", "zupt", "scale_states", "axes_states",
+    "aid_topic", "time_offset", "nhc", "zupt", "scale_states", "axes_states", "clock_drift",
     "estimate", "smooth", "outage", "vibration", "robust",
 )  # fmt: skip
 _OFFSETS = ("gnss", "odometer", "dvl", "height", "heading")
@@ -116,6 +116,11 @@ def aiding_options(function: Any) -> Any:
         click.option(
             "--scale-states/--no-scale-states", default=False,
             help="Estimate scale factors of the sensors.",
+        ),
+        click.option(
+            "--clock-drift", type=Number(0.0, 1e4, unit="ppm"), metavar="PPM",
+            help="How fast the clocks of record and aids drift apart, 1-sigma: an estimated delay "
+            "follows.",
         ),
         click.option(
             "--axes-states/--no-axes-states", default=None,
@@ -282,7 +287,7 @@ def navigate_with_aids(
     chosen = AidingOptions(
         non_holonomic=aids["nhc"], constraint_lever=axle, zero_velocity=aids["zupt"],
         scale=aids["scale_states"], axes=aids["axes_states"], robust=aids["robust"],
-        smooth=aids["smooth"], **more,
+        smooth=aids["smooth"], clock_drift=1e-6 * (aids["clock_drift"] or 0.0), **more,
     )  # fmt: skip
     begin, end = options.pop("start"), options.pop("stop")
     source, finish = open_file(options)

@@ -61,7 +61,7 @@ _PLACES: dict[str, dict[str, str]] = {
     "heading": {"file": "heading_file", "baseline": "baseline"},
     "aids": {"time_offset": "time_offset", "topic": "aid_topic"},
     "filter": {key: key for key in (
-        "nhc", "nhc_lever", "zupt", "estimate", "smooth", "outage", "robust",
+        "nhc", "nhc_lever", "zupt", "estimate", "smooth", "outage", "robust", "clock_drift",
     )},
     "output": {
         "every": "every", "at": "at", "out": "out_to", "format": "out_format",

@@ -252,6 +252,9 @@ def noise_of(
     `span` is the length of the record, s.
     """
     noise = {**instrument_noise(layout, spec), **aids}
+    for group in layout:
+        if group.endswith(".delay") and options.clock_drift:
+            noise[group] = GroupNoise(options.clock_drift**2 * span)
     white = max(spec.accelerometer.white, options.vibration)
     noise["velocity"] = replace(noise["velocity"], walk=white**2)
     for group, least in (("gyro_bias", 1e-7), ("accelerometer_bias", 1e-7)):

@@ -41,6 +41,9 @@ class AidingOptions:
         Their 1-sigma before, gyros and accelerometers, rad, where the specification has none.
     vibration : float
         Velocity random walk on the vehicle, m/s/sqrt(s); the specification's where that is larger.
+    clock_drift : float
+        1-sigma of the rate by which the clocks of record and aids drift apart, s/s: an estimated
+        delay is a random walk that reaches so much times the record's length.
     robust : {None, "huber", "igg3"}
     smooth : bool
         Smooth afterwards.
@@ -65,6 +68,7 @@ class AidingOptions:
     axes: bool | None = None
     axes_sigma: tuple[float, float] = (0.002, 0.002)
     vibration: float = VIBRATION
+    clock_drift: float = 0.0
     robust: str | None = None
     smooth: bool = False
     longest_interval: float = 1.0
