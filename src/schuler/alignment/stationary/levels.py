@@ -55,6 +55,12 @@ _UNSPECIFIED = (_FLAT, _FLAT, _STEEP, _STEEPEST)
 """Of white displacement, velocity, force and rate."""
 _SPECIFIED = (_FLAT, _FLAT, _STEEP_BESIDE_SPECIFIED)
 """Of white displacement, velocity and force."""
+_BEYOND_SPECIFIED = 2.0
+"""Log likelihood by which steeper shapes must be better to be more than the specification.
+
+Gyros that are noisier than specified, or turn the force the wrong way, show so.
+"""
+
 TURN_PRIORS = (_STEEP, _STEEPEST)
 """Of a bounded turn and a wandering one (`angle_powers`)."""
 
@@ -69,10 +75,13 @@ class Levels:
         Posterior mean, for the uncertainty.
     likely : (s,) float64
         For weights: nothing where no disturbance is the likelier reading, else the mean.
+    log : float
+        Logarithm of the greatest likelihood.
     """
 
     mean: Array
     likely: Array
+    log: float = 0.0
 
 
 def posterior(
@@ -107,13 +116,14 @@ def posterior(
         return np.asarray(-0.5 * freedom * (np.log(level) + share / level).sum(axis=-1))
 
     log = fit(grid.T @ shapes + known)
-    weight = np.exp(log - log.max())
+    best = float(log.max())
+    weight = np.exp(log - best)
     mean = grid @ weight / weight.sum()
     if not np.all(known > 0):
-        return Levels(mean, mean)
-    odds = np.exp(min(float(fit(known)) - log.max(), 700.0)) / weight.mean()
+        return Levels(mean, mean, best)
+    odds = np.exp(min(float(fit(known)) - best, 700.0)) / weight.mean()
     mean = mean / (1.0 + odds)
-    return Levels(mean, nothing if odds > 1.0 else mean)
+    return Levels(mean, nothing if odds > 1.0 else mean, best)
 
 
 def velocity_levels(found: tuple[Array, Array, Array] | None, specified: bool) -> Levels:
@@ -136,4 +146,6 @@ def velocity_levels(found: tuple[Array, Array, Array] | None, specified: bool) -
     # Weights that are made for too steep a disturbance cost little, for too flat a one much.
     few = len(_SPECIFIED)
     held = posterior(power, shapes[:few], known, _SPECIFIED, freedom=2)
+    if levels.log > held.log + _BEYOND_SPECIFIED:
+        return levels
     return Levels(np.append(held.mean, np.zeros(len(shapes) - few)), levels.likely)
