@@ -8,12 +8,12 @@ shapes, white displacement d, velocity c, force b and rate a, on top of what the
 of the noise, and the fit is carried down to the swallowed modes by the same responses that the
 instrument's errors go through.
 
-`levels` says how strong each shape is; the covariance follows from the levels by the responses.
+`Levels` says how strong each shape is; the covariance follows from the levels by the responses.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -21,17 +21,21 @@ from numpy.typing import NDArray
 
 from schuler.alignment.history import History, inertial_to_local
 from schuler.alignment.stationary.inertial import Residual, Weights
-from schuler.alignment.stationary.levels import Levels, velocity_levels
 from schuler.alignment.stationary.uncertainty import Responses, part_covariance
 from schuler.earth import Site
 from schuler.sensors import ImuSpec
 
 __all__ = [
+    "TURN_PRIORS",
+    "LevelPrior",
+    "Levels",
     "analytic_disturbance",
     "angle_powers",
     "disturbance_levels",
     "inertial_disturbance",
     "noise_ratio",
+    "posterior",
+    "velocity_levels",
     "velocity_powers",
 ]
 
@@ -247,3 +251,132 @@ def analytic_disturbance(h: History, c_nb: Array, responses: Responses) -> Array
         s = c_nb @ (scatter[8] * 8.0**-slope) @ c_nb.T
         out += v @ s @ v.T
     return out
+
+
+LOWEST = 6
+"""Mode powers (three orders, east and north) that set the scale of the grid."""
+
+
+@dataclass(frozen=True, eq=False)
+class LevelPrior:
+    """Levels of a shape that are tried, over the level at which it alone makes the powers.
+
+    Parameters
+    ----------
+    tried : (n,) float64
+    lowest : bool
+        Whether it is to make the lowest modes alone, as a steep one does, or all.
+    """
+
+    tried: Array
+    lowest: bool
+
+    def levels(self, share: Array, shape: Array) -> Array:
+        """Return the levels to try for the powers of one axis, (n,)."""
+        few = LOWEST // 2 if self.lowest else len(share)
+        return np.asarray(np.mean(share[:few] / shape[:few]) * self.tried)
+
+
+_FLAT = LevelPrior(np.logspace(-3.0, 0.4, 9), lowest=False)
+_STEEP = LevelPrior(np.logspace(-4.0, 0.05, 9), lowest=True)
+_STEEPEST = LevelPrior(np.logspace(-6.0, -0.15, 9), lowest=True)
+_STEEP_BESIDE_SPECIFIED = LevelPrior(np.logspace(-4.0, -0.5, 9), lowest=True)
+
+_UNSPECIFIED = (_FLAT, _FLAT, _STEEP, _STEEPEST)
+"""Of white displacement, velocity, force and rate."""
+_SPECIFIED = (_FLAT, _FLAT, _STEEP_BESIDE_SPECIFIED)
+"""Of white displacement, velocity and force."""
+_BEYOND_SPECIFIED = 2.0
+"""Log likelihood by which steeper shapes must be better to be more than the specification.
+
+Gyros that are noisier than specified, or turn the force the wrong way, show so.
+"""
+
+TURN_PRIORS = (_STEEP, _STEEPEST)
+"""Of a bounded turn and a wandering one (`angle_powers`)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """How strong a disturbance is.
+
+    Parameters
+    ----------
+    mean : (s,) float64
+        Posterior mean, for the uncertainty.
+    likely : (s,) float64
+        For weights: nothing where no disturbance is the likelier reading, else the mean.
+    log : float
+        Logarithm of the greatest likelihood.
+    """
+
+    mean: Array
+    likely: Array
+    log: float = 0.0
+
+
+def posterior(
+    power: Array, shapes: Array, known: Array, priors: tuple[LevelPrior, ...], freedom: int = 1
+) -> Levels:
+    """Return the levels of shapes whose sum with `known` makes the powers.
+
+    Half of the prior says that there is nothing but what is known; the other half is spread
+    log-uniformly over levels up to that at which a shape alone makes the powers.
+
+    Parameters
+    ----------
+    power : (k,) float64
+        Power of each mode, the sum of `freedom` independent squares.
+    shapes : (s, k) float64
+        What a unit of each level makes of one square.
+    known : (k,) float64
+        What is there anyway.
+    priors : (s,) tuple
+        What is tried of each level.
+    freedom : int
+        Degrees of freedom of a power.
+    """
+    share = power / freedom
+    axes = [prior.levels(share, shape) for prior, shape in zip(priors, shapes, strict=True)]
+    nothing = np.zeros(len(shapes))
+    if not all(np.all(axis > 0) for axis in axes):
+        return Levels(nothing, nothing)
+    grid = np.stack([a.ravel() for a in np.meshgrid(*axes)])
+
+    def fit(level: Array) -> Array:
+        return np.asarray(-0.5 * freedom * (np.log(level) + share / level).sum(axis=-1))
+
+    log = fit(grid.T @ shapes + known)
+    best = float(log.max())
+    weight = np.exp(log - best)
+    mean = grid @ weight / weight.sum()
+    if not np.all(known > 0):
+        return Levels(mean, mean, best)
+    odds = np.exp(min(float(fit(known)) - best, 700.0)) / weight.mean()
+    mean = mean / (1.0 + odds)
+    return Levels(mean, nothing if odds > 1.0 else mean, best)
+
+
+def velocity_levels(found: tuple[Array, Array, Array] | None, specified: bool) -> Levels:
+    """Return the levels of white displacement, velocity, force and rate of `velocity_powers`.
+
+    Parameters
+    ----------
+    found : tuple, or None
+    specified : bool
+        Whether the instrument's noise is that of a specification, in samples as they came: what
+        is interpolated over lost samples has an error of its own.
+    """
+    if found is None:
+        return Levels(np.zeros(4), np.zeros(4))
+    power, shapes, known = found
+    # East and north share a level: two degrees of freedom to a mode.
+    levels = posterior(power, shapes, known, _UNSPECIFIED, freedom=2)
+    if not specified:
+        return levels
+    # Weights that are made for too steep a disturbance cost little, for too flat a one much.
+    few = len(_SPECIFIED)
+    held = posterior(power, shapes[:few], known, _SPECIFIED, freedom=2)
+    if levels.log > held.log + _BEYOND_SPECIFIED:
+        return levels
+    return Levels(np.append(held.mean, np.zeros(len(shapes) - few)), levels.likely)

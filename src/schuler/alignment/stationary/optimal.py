@@ -28,11 +28,12 @@ from numpy.typing import NDArray
 from schuler.alignment.bound import Position
 from schuler.alignment.history import History, gravity_direction, inertial_to_local
 from schuler.alignment.stationary.disturbance import (
+    Levels,
+    velocity_levels,
     velocity_powers,
 )
 from schuler.alignment.stationary.gains import NormalEquations, bias_priors, gains, weigh
 from schuler.alignment.stationary.inertial import Weights, solve
-from schuler.alignment.stationary.levels import Levels, velocity_levels
 from schuler.alignment.stationary.series import Series, make_series, turns_from_middle, with_tests
 from schuler.alignment.stationary.uncertainty import mean_attitude
 from schuler.attitude import (

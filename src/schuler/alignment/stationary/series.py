@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.history import History, Rows, gravity_direction
-from schuler.alignment.stationary.disturbance import angle_powers
-from schuler.alignment.stationary.levels import TURN_PRIORS, Levels, posterior
+from schuler.alignment.stationary.disturbance import TURN_PRIORS, Levels, angle_powers, posterior
 from schuler.alignment.stationary.uncertainty import part_covariance
 from schuler.attitude import multiply, nearest_quat, quat_to_rotvec, skew
 from schuler.constants import DEG, MICRO_G
