@@ -16,13 +16,21 @@ from numpy.typing import NDArray
 
 from schuler.alignment import align, inertial_frame_error, limit
 from schuler.alignment.history import inertial_to_local
-from schuler.attitude import euler_to_quat, quat_to_matrix, rotate
+from schuler.attitude import euler_to_quat, quat_to_matrix
 from schuler.constants import ARCMIN, DEG, DEG_PER_HOUR, MICRO_G
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.motion import Static
-from schuler.prefilter.base import held_frame
 from schuler.published.guo2015_gate import gate_block, gate_rows
+from schuler.published.guo2015_instants import (
+    FORMS,
+    NOISES,
+    READINGS,
+    SPANS,
+    instants,
+    phi_of,
+    two_instants,
+)
 from schuler.published.result import (
     Curve,
     Experiment,
@@ -45,83 +53,9 @@ Array = NDArray[np.float64]
 Changes = tuple[tuple[str, Any], ...]
 
 AXES = "xyz"
-NOISES = ("per root hertz", "per sample")
-#: how a pair of instants is laid into the record, and which span the record has
-SPANS = {
-    "100 s: t1 to 50 s, t2 = t1 + 50 s": "short",
-    "20 min: t1 to 10 min, t2 = t1 + 10 min": "long",
-    "20 min: t1 to 50 s, t2 in the second half": "long",
-}
-FORMS = ("eq. 6 and 9", "TRIAD")
-READINGS = tuple((noise, span, form) for noise in NOISES for span in SPANS for form in FORMS)
 _BLOCK = 25
 _SHARE = 0.5
 """Part of the biases that the default method is told of (see the errata)."""
-
-
-def instants(span: str, share: float, duration: float) -> tuple[float, float]:
-    """Return t1 and t2, s, of the pair at a share (0 to 1) of the spans.
-
-    Parameters
-    ----------
-    span : str
-        One of `SPANS`.
-    share : float
-    duration : float
-        Of the record, s.
-    """
-    which = list(SPANS).index(span)
-    half = 0.5 * duration
-    if which < 2:
-        return share * half, (1.0 + share) * half
-    return share * 50.0, (1.0 + share) * half
-
-
-def two_instants(
-    record: ImuRecord, site: Site, pairs: list[tuple[float, float]]
-) -> dict[str, Array]:
-    """Return phi in i0 of C_ib0^i0, times C_ib0^i0, from the force at two instants.
-
-    Parameters
-    ----------
-    record : ImuRecord
-    site : Site
-    pairs : list of (t1, t2)
-        s since the start.
-
-    Returns
-    -------
-    dict of str to (k, 3, 3) float64
-        The estimated C_ib0^i0 by each of `FORMS`; that of equation 6 is not quite a rotation.
-    """
-    middle = record.time - 0.5 * record.dt
-    force = rotate(held_frame(record), record.accel)
-    rows = np.clip(np.searchsorted(record.time, np.array(pairs), "right"), 0, len(record) - 1)
-    gravity = site.gravity * inertial_to_local(middle, site.latitude)[:, 2]
-    f1, f2, g1, g2 = force[rows[:, 0]], force[rows[:, 1]], gravity[rows[:, 0]], gravity[rows[:, 1]]
-
-    def columns(a: Array, b: Array) -> Array:
-        return np.stack([a, b, np.cross(a, b)], axis=-1)
-
-    def triad(a: Array, b: Array) -> Array:
-        x = a / np.linalg.norm(a, axis=-1, keepdims=True)
-        y = np.cross(a, b)
-        y /= np.linalg.norm(y, axis=-1, keepdims=True)
-        return np.stack([x, y, np.cross(x, y)], axis=-1)
-
-    printed = np.linalg.solve(columns(g1, g2).swapaxes(-1, -2), columns(f1, f2).swapaxes(-1, -2))
-    return {
-        "eq. 6 and 9": np.asarray(printed, np.float64),
-        "TRIAD": triad(g1, g2) @ triad(f1, f2).swapaxes(-1, -2),
-    }
-
-
-def _phi(found: Array, true: Array) -> Array:
-    """Return the antisymmetric part of C_est C^T = I + S - [phi x] as phi (..., 3), arcmin."""
-    e = found @ true.T
-    return np.stack(
-        [e[..., 1, 2] - e[..., 2, 1], e[..., 2, 0] - e[..., 0, 2], e[..., 0, 1] - e[..., 1, 0]], -1
-    ) / (2.0 * ARCMIN)
 
 
 @dataclass(frozen=True)
@@ -247,7 +181,7 @@ def _block(
         for noise, case in cases.items():
             record = case.measured(long.record, white)
             for form, c in two_instants(record, site, pairs).items():
-                for span, phi in zip(SPANS, _phi(c, true), strict=True):
+                for span, phi in zip(SPANS, phi_of(c, true), strict=True):
                     out.setdefault((noise, span, form), []).append(phi)
             for span, length in duration.items() if k % every == 0 else ():
                 # The other reading of the noise is asked of the first case alone.
@@ -256,7 +190,7 @@ def _block(
                 part = record.rows(0, round(length / case.step))
                 fix = align(part, site, spec=case.spec(_SHARE), at="start")
                 found = start.T @ quat_to_matrix(fix.quat_nb)
-                out.setdefault((noise, span), []).append(_phi(found, true))
+                out.setdefault((noise, span), []).append(phi_of(found, true))
     return {key: np.array(value) for key, value in out.items()}
 
 

@@ -29,6 +29,7 @@ __all__ = [
     "instrument",
     "misalignment",
     "rms_error",
+    "std_error",
 ]
 
 Array = NDArray[np.float64]
@@ -314,6 +315,21 @@ def rms_error(errors: ArrayLike) -> tuple[float, float]:
     rms = float(np.sqrt(squares.mean()))
     spread = float(squares.std(ddof=1)) / np.sqrt(len(squares))
     return rms, 0.0 if rms == 0.0 else spread / (2.0 * rms)
+
+
+def std_error(errors: ArrayLike) -> Array:
+    """Return the standard error of the standard deviation (k,) of independent runs (n, k).
+
+    That of the mean square about the mean, divided by twice the deviation, as in `rms_error`.
+    """
+    found = np.asarray(errors, np.float64)
+    squares = (found - found.mean(axis=0)) ** 2
+    spread = found.std(axis=0, ddof=1)
+    return np.asarray(
+        squares.std(axis=0, ddof=1)
+        / np.sqrt(len(found))
+        / np.where(spread > 0.0, 2.0 * spread, 1.0)
+    )
 
 
 def experiment(
