@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,7 @@ DEFAULT_PAIRS: tuple[tuple[str, str], ...] = (
 )
 
 SETTLED = 3.0
-"""Sigmas of the end within which a settled heading stays."""
+"""A settled heading stays within so many of the least sigma, if no band is given."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Row:
     method, prefilter : str
     heading_deg, sigma_arcmin : float or None
     settle_s : float or None
-        First time after which the heading stays within three sigmas of the end.
+        As `settle_time`, with the comparison's band; None if it never settles.
     std_heading_arcmin : float or None
         Over non-overlapping windows.
     seconds : float
@@ -96,6 +96,10 @@ class Comparison(Result):
         What the record shows and cannot be, as the first alignment says it.
     read_as, assumed : str or None, tuple of str
         How the file was read, where it was one.
+    within_arcmin : float or None
+        The band of all settling times: as asked for, or three times the least sigma of the rows.
+    heading_deg : float or None
+        The true heading, where it was given: times are then until the heading stays about it.
     """
 
     name: str
@@ -106,11 +110,24 @@ class Comparison(Result):
     contradictions: tuple[str, ...] = ()
     read_as: str | None = None
     assumed: tuple[str, ...] = ()
+    within_arcmin: float | None = None
+    heading_deg: float | None = None
 
     @property
     def consistent(self) -> bool:
         """Whether nothing contradicts the record."""
         return not self.contradictions
+
+    @property
+    def settled_note(self) -> str:
+        """What settled means here, in a sentence; empty where no method found north."""
+        if self.within_arcmin is None:
+            return ""
+        about = "its end" if self.heading_deg is None else f"{self.heading_deg:.4f} deg"
+        return (
+            f"settled: from then on the heading stays within {self.within_arcmin:.3g}' of {about}; "
+            "-: it does not, or its own sigma is wider"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison with the keys of the JSON schema `schuler.comparison/3`."""
@@ -119,6 +136,7 @@ class Comparison(Result):
             "window_s": self.window, "limit_arcmin": self.limit_arcmin,
             "read_as": self.read_as, "assumed": list(self.assumed),
             "consistent": self.consistent, "contradictions": list(self.contradictions),
+            "settled_within_arcmin": self.within_arcmin, "true_heading_deg": self.heading_deg,
             "rows": [row.to_dict() for row in self.rows],
         }  # fmt: skip
 
@@ -142,13 +160,37 @@ class Comparison(Result):
             + (f"  {row.note}" if row.note else "")
             for row in self.rows
         ]
+        if self.settled_note:
+            lines.append(self.settled_note)
         return "\n".join(line.rstrip() for line in lines)
 
 
-def settle_time(fix: Alignment, points: int = 100) -> float | None:
-    """Return when the heading has come within three sigmas of the end to stay, s; None if never."""
-    t, heading, sigma = heading_history(fix, points)
-    off = np.abs(heading - heading[-1]) * 60.0 > SETTLED * sigma
+def settle_time(
+    fix: Alignment, points: int = 100, *, within: float | None = None, heading: float | None = None
+) -> float | None:
+    """Return the time used from which on the heading stays within a band, s; None if it never does.
+
+    A heading whose own sigma at the end is wider than the band has not settled, wherever it stays.
+
+    Parameters
+    ----------
+    fix : Alignment
+    points : int
+        Ever longer parts of the record that are looked at, at most; 40 % of them for a filter.
+    within : float, optional
+        Half the width of the band, arcmin; three of the alignment's sigmas when not given.
+    heading : float, optional
+        Middle of the band, deg: the true heading; that at the end when not given.
+    """
+    sigma = float(fix.sigma_arcmin[2])
+    band = SETTLED * sigma if within is None else within
+    if sigma > band:
+        return None
+    # A filter runs over each part: fewer of them.
+    count = points if fix.filter_history is None else max(2, 2 * points // 5)
+    t, found = heading_history(fix, count)
+    away = found - (found[-1] if heading is None else heading)
+    off = np.abs((away + 180.0) % 360.0 - 180.0) * 60.0 > band
     if not np.any(off):
         return float(t[0])
     last = int(np.flatnonzero(off)[-1])
@@ -162,6 +204,8 @@ def compare(
     pairs: Sequence[tuple[str, str]] = DEFAULT_PAIRS,
     *,
     window: float | None = None,
+    within: float | None = None,
+    heading: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Comparison:
     """Run methods and prefilters on one record.
@@ -176,6 +220,11 @@ def compare(
     window : float, optional
         Length of the windows for repeatability, s; a tenth of the record, 60 s at least, when
         not given, and none where fewer than three fit.
+    within : float, optional
+        Band of the settling times, arcmin: the same for all rows, so that they can be compared;
+        three times the least sigma of the rows when not given.
+    heading : float, optional
+        The true heading, deg, where it is known.
     progress : callable, optional
         Called with what is run next.
 
@@ -197,6 +246,11 @@ def compare(
         "read a file with schuler.read, a table with schuler.io.from_pandas",
     )
     expect(site, Site, "site", "say schuler.Site(lat, lon, height)")
+    for name, value in (("within", within), ("heading", heading)):
+        if value is not None and not np.isfinite(value):
+            raise InputError(f"{name} must be a finite number, got {value}")
+    if within is not None and not within > 0.0:
+        raise InputError(f"within must be positive, got {within:g} arcmin")
     spec = load_spec(spec)
     if window is None:
         window = max(60.0, record.duration / 10.0)
@@ -215,6 +269,11 @@ def compare(
         _compare_group(
             record, first, repeat, {k: methods[k] for k in group}, pairs, progress, rows, fixes
         )
+    if within is None:
+        # One band for all: each method's own sigma would let the vaguest settle first.
+        within = min((SETTLED * float(fix.sigma_arcmin[2]) for fix in fixes.values()), default=None)
+    for k, fix in fixes.items():
+        rows[k] = replace(rows[k], settle_s=settle_time(fix, within=within, heading=heading))
     limits = [
         float(fix.limit_arcmin[2])
         for k, fix in fixes.items()
@@ -226,7 +285,8 @@ def compare(
     # A record quieter than its specification has the lower bound.
     return Comparison(
         record.name, record.duration, repeat, min(limits, default=None),
-        tuple(rows[k] for k in range(len(methods))), contradictions,
+        tuple(rows[k] for k in range(len(methods))), contradictions, within_arcmin=within,
+        heading_deg=heading,
     )  # fmt: skip
 
 
@@ -270,7 +330,7 @@ def _compare_group(
         # Windows are judged by the heading at their start: the vehicle may have moved.
         at = "end" if name in ("gyrocompass", "kalman-large") else "start"
         rows[k] = Row(
-            name, filter_name, fix.heading_deg, float(fix.sigma_arcmin[2]), settle_time(fix),
+            name, filter_name, fix.heading_deg, float(fix.sigma_arcmin[2]), None,
             _spread(windows, method, at), seconds, f"chose {fix.method}" if name == "auto" else "",
             fix.consistent,
         )  # fmt: skip
