@@ -15,8 +15,9 @@ import numpy as np
 
 from schuler.centrifuge import PUBLISHED_POSITIONS, Ekf, Plant, fit_platform, published_truth
 from schuler.centrifuge.filter import prior_sigma, simulate_platform
-from schuler.centrifuge.plant import Tables, direct_information
-from schuler.kernels.centrifuge import _FIRST, _SECOND, _SIGN, _TERM, platform_matrix
+from schuler.centrifuge.information import Tables, direct_information
+from schuler.kernels.centrifuge import FIRST, SECOND, SIGN, TERM
+from schuler.kernels.gimbals import platform_matrix
 from schuler.kernels.scheme import scheme_values
 
 POSITIONS = np.array(PUBLISHED_POSITIONS, dtype=np.float64)
@@ -68,10 +69,10 @@ def numpy_position(
 
     def drift(f: np.ndarray) -> np.ndarray:
         one = np.r_[1.0, f]
-        mono = np.r_[1.0, one[_FIRST] * one[_SECOND]]
+        mono = np.r_[1.0, one[FIRST] * one[SECOND]]
         b = np.zeros((3, n))
         for j in range(3):
-            b[j, 3 * np.arange(terms) + j] = _SIGN[j, :terms] * mono[_TERM[j, :terms]]
+            b[j, 3 * np.arange(terms) + j] = SIGN[j, :terms] * mono[TERM[j, :terms]]
         return b
 
     at = 3 * terms

@@ -168,12 +168,20 @@ def run_page(page: Path, folder: Path, real: bool) -> list[tuple[str, str]]:
     return changes
 
 
+def with_ellipses(old: str, new: str) -> str:
+    """Return a new block whose lines end where the old one's ended with dots."""
+    a, b = old.splitlines(keepends=True), new.splitlines(keepends=True)
+    if len(a) != len(b):
+        return new
+    return "".join(x if x.endswith(" ...\n") else y for x, y in zip(a, b, strict=True))
+
+
 def settle(page: Path, changes: list[tuple[str, str]]) -> None:
     """Rewrite the page, or fail with what differs."""
     if WRITE:
         text = page.read_text(encoding="utf-8")
         for old, new in changes:
-            text = text.replace(old, new)
+            text = text.replace(old, with_ellipses(old, new))
         page.write_text(text, encoding="utf-8")
         return
     assert not changes, (

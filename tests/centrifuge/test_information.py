@@ -22,10 +22,10 @@ from schuler.centrifuge import (
     time_to_reach,
 )
 from schuler.centrifuge.filter import filter_information
-from schuler.centrifuge.plant import Tables, position_matrices
+from schuler.centrifuge.information import Tables, position_matrices
 from schuler.centrifuge.sums import node_integrals, sum_nodes, turn_products
 from schuler.errors import InputError
-from schuler.kernels import centrifuge as kernels
+from schuler.kernels import gimbals as kernels
 
 
 def sigma(information):

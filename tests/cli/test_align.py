@@ -163,7 +163,7 @@ def test_a_specification_file(run: Run, csv: Path, tmp_path: Path) -> None:
     share = [d["budget_arcmin2"]["gyro_bias"] for d in (mine, grade)]  # type: ignore[index]
     assert share[0] == pytest.approx(4 * share[1], rel=1e-9)
     assert mine["heading_deg"] == grade["heading_deg"] == none["heading_deg"]
-    assert set(none["budget_arcmin2"]) == {"disturbance", "gravity"}  # type: ignore[call-overload]
+    assert set(none["budget_arcmin2"]) == {"disturbance", "gyro_bias", "gravity"}  # type: ignore[call-overload]
 
 
 def test_windows(run: Run, csv: Path) -> None:

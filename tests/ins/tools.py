@@ -7,7 +7,7 @@ import numpy as np
 from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
 from schuler.earth import Site
 from schuler.ins import Layout
-from schuler.ins.filter import frame_quaternion
+from schuler.ins.frames import frame_quaternion
 from schuler.kernels import ins_layout as kernel
 from schuler.kernels import strapdown
 from schuler.kernels.nominal_steps import move_position, take_sample

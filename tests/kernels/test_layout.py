@@ -8,7 +8,8 @@ import pytest
 from schuler.alignment import Aligner, Inertial
 from schuler.earth import Site
 from schuler.errors import InputError
-from schuler.kernels.layout import LayoutError, check_aligner, check_intake
+from schuler.kernels.layout import LayoutError, check_intake
+from schuler.kernels.tracker_layout import check_aligner
 from schuler.record import ImuRecord, Intake
 
 SITE = Site(50.0)

@@ -8,7 +8,7 @@ import pytest
 from schuler.alignment import KalmanAlignment, align
 from schuler.earth import Site
 from schuler.errors import InputError
-from schuler.kernels.sift import predict_by_pattern
+from schuler.kernels.end_conditions import predict_by_pattern
 from schuler.motion import DisturbedVehicle
 from schuler.prefilter import Emd, Hankel, VelocityEmd, decompose, parse_prefilter
 from schuler.prefilter.hankel import gap_rank, truncate

@@ -12,7 +12,7 @@ import pytest
 from schuler.alignment import Inertial, align
 from schuler.attitude import quat_to_matrix
 from schuler.centrifuge import published_truth
-from schuler.centrifuge.plant import coefficient_names
+from schuler.centrifuge.coefficients import coefficient_names
 from schuler.constants import ARCMIN, DEG_PER_HOUR, MICRO_G
 from schuler.earth import Site
 from schuler.errors import InputError

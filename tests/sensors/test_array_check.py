@@ -11,8 +11,8 @@ from scipy.stats import binom
 import schuler as sc
 from schuler.constants import DEG_PER_HOUR, EARTH_RATE
 from schuler.errors import InputError
-from schuler.sensors.array import named_array
 from schuler.sensors.array_check import ArrayCheck, ArrayVerdict
+from schuler.sensors.named_arrays import named_array
 
 W = EARTH_RATE * np.array([-0.56, 0.36, 0.744])
 #: 0.003 deg/sqrt(h) at 25 Hz, rad/s

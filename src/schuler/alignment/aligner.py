@@ -43,11 +43,10 @@ HOW_RECORD = "read a file with schuler.read, a table with schuler.io.from_pandas
 HOW_SITE = "say schuler.Site(lat, lon, height)"
 
 _BIAS_MISSING = (
-    "no instrument specification was given: sigma holds the disturbance seen in the record, but "
-    "no gyro or accelerometer bias (say --spec navigation-fog, or a TOML file)"
+    "no instrument specification was given: sigma holds the disturbance seen in the record and a "
+    "gyro bias as large as its noise could hide, but no larger one and no accelerometer bias (say "
+    "--spec navigation-fog, or a TOML file)"
 )
-
-
 _NO_BIAS = (
     "the specification '{}' holds no gyro bias, as one of an Allan analysis: sigma is how well the "
     "heading repeats while the bias stays, not how far it is from north (allan --save-spec takes "
@@ -136,6 +135,7 @@ class Aligner:
         self._held: list[ImuRecord] = []
         self._name = "record"
         self._quality: list[str] = []
+        self._sampling_faults = False
         self._pass = _Pass()
         self._filtered: Filtered | None = None
         if self.method.prefilter is not None:
@@ -210,6 +210,7 @@ class Aligner:
         self._tail = (next(last), next(last))
         if chunk.quality is not None:
             self._quality = chunk.quality.warnings()
+            self._sampling_faults = chunk.quality.sampling_faults
         return self
 
     def _open(self, chunk: ImuRecord) -> None:
@@ -243,7 +244,8 @@ class Aligner:
         InputError
             If the arrays are not those of this version's aligner, or contradict one another.
         """
-        from schuler.kernels.layout import LayoutError, check_aligner
+        from schuler.kernels.layout import LayoutError
+        from schuler.kernels.tracker_layout import check_aligner
 
         try:
             check_aligner(arrays)
@@ -261,27 +263,10 @@ class Aligner:
 
     def history(self) -> History:
         """Return the pass so far, with the samples that wait for a full update worked in."""
-        waiting = int(self._state.waiting)
-        if not waiting:
-            return History.from_state(self._state.data, self._nodes)
-        state, nodes = TrackerState(self._state.data.copy()), self._nodes.copy()
-        rows = state.waiting_samples[:waiting].copy()
-        time, dt = (tail[-waiting:] for tail in self._tail)
-        # The plain sums had these samples already, and will have them again.
-        rate = np.linalg.norm(rows.reshape(-1, 2, 3), axis=2) / dt[:, None]
-        state.sum_dtheta -= rows[:, :3].sum(axis=0)
-        state.sum_dvel -= rows[:, 3:].sum(axis=0)
-        state.sum_rate -= rate[:, 0].sum()
-        state.sum_rate2 -= (rate[:, 0] ** 2).sum()
-        state.sum_force -= rate[:, 1].sum()
-        state.sum_force2 -= (rate[:, 1] ** 2).sum()
-        state.samples -= waiting
-        state.waiting = 0.0
-        self._tracking.track(
-            state.data, nodes, 1, *self._flags, time, dt,
-            np.ascontiguousarray(rows[:, :3]), np.ascontiguousarray(rows[:, 3:]),
+        return History.with_waiting(
+            self._state, self._nodes, self._flags, self._tail,
+            sampling_faults=self._sampling_faults,
         )  # fmt: skip
-        return History.from_state(state.data, nodes)
 
     def _estimate(
         self, h: History, spec: ImuSpec | None, about: Linearisation | None = None,

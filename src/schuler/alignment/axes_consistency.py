@@ -120,15 +120,21 @@ class _Bands:
         count = int(used.sum())
         if count < 12:
             return None
-        bands = max(3, int(count**0.5))
-        edges = np.unique(np.round(np.geomspace(4, count + 4, bands + 1))).astype(np.int64) - 4
-        edges[0] = 0
-        return cls(used, frequency[used], edges)
+        return cls(used, frequency[used], _band_edges(count))
 
     def spectrum(self, x: Array) -> Spectrum:
         """Return the spectrum (k, c) of series (n, c)."""
         _, window = _trend_and_window(len(x))
         return np.asarray(np.fft.rfft(x * window, axis=0)[self.used])
+
+
+@lru_cache(maxsize=8)
+def _band_edges(count: int) -> NDArray[np.int64]:
+    """Return the edges of bands within `count` frequencies, narrow at the low end."""
+    bands = max(3, int(count**0.5))
+    edges = np.unique(np.round(np.geomspace(4, count + 4, bands + 1))).astype(np.int64) - 4
+    edges[0] = 0
+    return edges
 
 
 @lru_cache(maxsize=8)
@@ -198,9 +204,9 @@ def _of_span(rows: Array, namings: Array) -> Array | None:
     if np.abs(theta).max() > _LARGEST:
         return None
     f_b = np.diff(nodes.sum_dvel, axis=0) / dt[:, None]
-    mean = f_b.mean(axis=0)
+    mean = (nodes.sum_dvel[-1] - nodes.sum_dvel[0]) / dt.sum()
     level = _level_axes(mean)
-    both = bands.spectrum(np.concatenate([theta, _left((f_b - mean) @ level)], axis=1))
+    both = bands.spectrum(np.concatenate([theta, _left(f_b @ level)], axis=1))
     turned, seen = both[:, :3], both[:, 3:]
     # -theta x f for each naming is theta @ its matrix.
     turning = np.einsum("mac,ab->mcb", namings, -_cross_matrix(mean) @ level)
@@ -209,9 +215,9 @@ def _of_span(rows: Array, namings: Array) -> Array | None:
 
 def _level_axes(f: Array) -> Array:
     """Return two unit vectors (3, 2) across a force."""
-    up = f / np.linalg.norm(f)
-    first = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
-    level = np.stack([first, np.cross(up, first)], axis=1)
+    across = _cross_matrix(f / np.linalg.norm(f))
+    first = across[np.argmin(np.abs(f))]
+    level = np.stack([first, -first @ across], axis=1)
     return np.asarray(level / np.linalg.norm(level, axis=0))
 
 
@@ -240,14 +246,14 @@ def _log_likelihood(turned: Spectrum, seen: Spectrum, turning: Array, bands: _Ba
     with_force = (turned.conj()[:, :, None] * seen[:, None, :]).real
     force = np.add.reduceat(np.sum(np.abs(seen) ** 2, axis=1), first)
 
+    squared = turning @ turning.transpose(0, 2, 1)
+
     def power(product: Array) -> Array:
         """Return the power of turned @ turning in each band, (m, b)."""
-        each = np.add.reduceat(product, first, axis=0)
-        return np.asarray(np.einsum("mcj,bcd,mdj->mb", turning, each, turning, optimize=True))
+        return _in_bands(squared, product, first)
 
     def cross(product: Array) -> Array:
-        each = np.add.reduceat(product, first, axis=0)
-        return np.asarray(np.einsum("mcj,bcj->mb", turning, each))
+        return _in_bands(turning, product, first)
 
     rotation, lever = power(own), power(square**2 * own)
     held = force - 2.0 * cross(with_force) + rotation
@@ -261,6 +267,12 @@ def _log_likelihood(turned: Spectrum, seen: Spectrum, turning: Array, bands: _Ba
         left = np.maximum(held - 2.0 * c[:, None] * shared + c[:, None] ** 2 * lever, least)
     # A Hann window leaves two thirds of the bins independent.
     return np.asarray(-2.0 * np.log(left / (2.0 * counts)) @ counts / 1.5)
+
+
+def _in_bands(factor: Array, product: Array, first: NDArray[np.int64]) -> Array:
+    """Return sums of factor (m, c, d) times product (k, c, d), added up in each band, (m, b)."""
+    bands = np.add.reduceat(product.reshape(len(product), -1), first, axis=0)
+    return np.asarray(factor.reshape(len(factor), -1) @ bands.T)
 
 
 def axes_text(found: AxesTest) -> str:

@@ -92,6 +92,8 @@ class EarthRateTest:
     least_bias : float
         Smallest 1-sigma bias of one gyro that explains the record, rad/s; the prior itself where
         that does.
+    hidden_bias : float
+        1-sigma of a bias of one gyro that the record would not show, rad/s.
     north, up : float
         Excess of the rate about north and up over the Earth's, rad/s.
     base_rate : float
@@ -104,6 +106,7 @@ class EarthRateTest:
     freedom: int
     probability: float
     least_bias: float
+    hidden_bias: float
     north: float
     up: float
     base_rate: float
@@ -229,6 +232,10 @@ class _Observable:
         log = -0.5 * np.sum(np.log(total) + self.value[:, None] ** 2 / total, axis=0)
         return 2.0 * float(sizes[np.argmax(log)])
 
+    def hidden(self) -> float:
+        """Return the size of a bias that is as large as the noise of what is best seen."""
+        return float(np.sqrt(self.variance.min())) if len(self.variance) else 0.0
+
     @property
     def bias(self) -> Array:
         """The biases as far as they are seen, (3,)."""
@@ -269,8 +276,8 @@ def earth_rate_test(
     bias = seen.bias
     held = _Observable.of(normal, "accelerometer", prior, accel)
     return EarthRateTest(
-        seen.statistic(gyro), len(seen.value), probability, least, float(bias @ north),
-        float(bias @ up), yaw, held.probability(accel),
+        seen.statistic(gyro), len(seen.value), probability, least, seen.hidden(),
+        float(bias @ north), float(bias @ up), yaw, held.probability(accel),
         float(np.abs(held.bias).max()) if len(held.value) else 0.0,
     )  # fmt: skip
 

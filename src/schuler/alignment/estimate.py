@@ -137,7 +137,7 @@ def _inertial(
         )  # fmt: skip
     else:
         r = solve(h, site.gravity, site.latitude, method.estimator)
-        levels = disturbance_levels(left, site.gravity, spec)
+        levels = disturbance_levels(left, site.gravity, spec, h.sampling_faults)
         responses = inertial_responses(h, r, site.gravity, site.latitude, method.estimator, at_end)
     attitude = _attitude(problem, r)
     c = inertial_to_local(h.duration if at_end else 0.0, site.latitude)

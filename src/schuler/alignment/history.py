@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from schuler.constants import EARTH_RATE
 from schuler.kernels.fields import Field
 from schuler.kernels.states import TrackerNode, TrackerState
+from schuler.record import ImuRecord
 
 __all__ = ["History", "Rows", "gravity_direction", "inertial_to_local"]
 
@@ -49,20 +50,80 @@ class History:
         Time of the start, s.
     samples : int
         Samples in all.
+    sampling_faults : bool
+        Whether samples were lost, held, replaced or cut off, or their times are unsure: what is
+        made of them has errors that no specification of the sensors holds.
     """
 
     rows: Array
     start: float
     samples: int
+    sampling_faults: bool = False
 
     @classmethod
-    def from_state(cls, state: Array, nodes: Array) -> History:
+    def from_state(cls, state: Array, nodes: Array, *, sampling_faults: bool = False) -> History:
         """Copy the nodes of a tracking kernel and add the last instant when it is not one."""
         last = TrackerState(state)
         rows = nodes[: int(last.nodes)]
         if last.updates > TrackerNode(rows).updates[-1]:
             rows = np.vstack([rows, last.node().data])
-        return cls(rows.copy(), float(last.start), int(last.samples))
+        return cls(rows.copy(), float(last.start), int(last.samples), sampling_faults)
+
+    @classmethod
+    def with_waiting(
+        cls, state: TrackerState, nodes: Array, flags: tuple[float, float],
+        tail: tuple[Array, Array], *, sampling_faults: bool = False,
+    ) -> History:  # fmt: skip
+        """Copy the sums of a tracking kernel, with the samples that wait for a full update.
+
+        Parameters
+        ----------
+        state, nodes
+            Of the kernel; they stay as they are.
+        flags : (float, float)
+            Whether coning and sculling are to be corrected.
+        tail : (k,), (k,) float64
+            Times and intervals of the last samples, s.
+        sampling_faults : bool
+            As of a history.
+        """
+        from schuler.kernels import tracking
+
+        waiting = int(state.waiting)
+        if not waiting:
+            return cls.from_state(state.data, nodes, sampling_faults=sampling_faults)
+        state, nodes = TrackerState(state.data.copy()), nodes.copy()
+        rows = state.waiting_samples[:waiting].copy()
+        time, dt = (each[-waiting:] for each in tail)
+        # The plain sums had these samples already, and will have them again.
+        rate = np.linalg.norm(rows.reshape(-1, 2, 3), axis=2) / dt[:, None]
+        state.sum_dtheta -= rows[:, :3].sum(axis=0)
+        state.sum_dvel -= rows[:, 3:].sum(axis=0)
+        state.sum_rate -= rate[:, 0].sum()
+        state.sum_rate2 -= (rate[:, 0] ** 2).sum()
+        state.sum_force -= rate[:, 1].sum()
+        state.sum_force2 -= (rate[:, 1] ** 2).sum()
+        state.samples -= waiting
+        state.waiting = 0.0
+        tracking.track(
+            state.data, nodes, 1, *flags, time, dt,
+            np.ascontiguousarray(rows[:, :3]), np.ascontiguousarray(rows[:, 3:]),
+        )  # fmt: skip
+        return cls.from_state(state.data, nodes, sampling_faults=sampling_faults)
+
+    @classmethod
+    def of_record(cls, record: ImuRecord) -> History:
+        """Track a record whose samples are one update each."""
+        from schuler.kernels import tracking
+
+        state = TrackerState.begin()
+        nodes = np.zeros((tracking.NODE_CAPACITY, tracking.ROW))
+        tracking.track(
+            state.data, nodes, 1, float(not record.coning_corrected),
+            float(not record.sculling_corrected), record.time, record.dt, record.dtheta,
+            record.dvel,
+        )  # fmt: skip
+        return cls.from_state(state.data, nodes)
 
     def __len__(self) -> int:
         return len(self.rows)

@@ -9,14 +9,9 @@ from numpy.typing import NDArray
 
 from schuler.io.packets import LARGEST_FORCE, LARGEST_RATE, LARGEST_TIME
 from schuler.kernels.fields import COUNT, Field, View
-from schuler.kernels.layout import (
-    LayoutError,
-    check_aligner,
-    check_arrays,
-    check_intake,
-    view_layout,
-)
+from schuler.kernels.layout import LayoutError, check_arrays, check_intake, view_layout
 from schuler.kernels.states import LARGEST, IntakeRow, IntakeState, TrackerState
+from schuler.kernels.tracker_layout import check_aligner
 
 __all__ = ["HeldSample", "LayoutError", "check_state"]
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from schuler.centrifuge.files import (
-    CentrifugeScheme,
-    plant_from_toml,
-    read_outputs,
-    scheme_from_toml,
-    write_outputs,
+from schuler.centrifuge.coefficients import (
+    PUBLISHED_ESTIMATES,
+    PUBLISHED_TRUTH,
+    coefficient_names,
+    coefficient_units,
+    published_truth,
 )
+from schuler.centrifuge.files import plant_from_toml, scheme_from_toml
 from schuler.centrifuge.filter import Ekf, PlatformFit, fit_platform, simulate_platform
+from schuler.centrifuge.information import direct_information, scheme_information
 from schuler.centrifuge.objective import (
     OBJECTIVES,
     Judgement,
@@ -17,19 +19,11 @@ from schuler.centrifuge.objective import (
     judge,
     time_to_reach,
 )
+from schuler.centrifuge.outputs import read_outputs, write_outputs
 from schuler.centrifuge.plan import Plan, compare_objectives, explore, plan
-from schuler.centrifuge.plant import (
-    PUBLISHED_ESTIMATES,
-    PUBLISHED_POSITIONS,
-    PUBLISHED_TRUTH,
-    Plant,
-    coefficient_names,
-    coefficient_units,
-    direct_information,
-    published_truth,
-    scheme_information,
-)
+from schuler.centrifuge.plant import PUBLISHED_POSITIONS, Plant
 from schuler.centrifuge.result import CentrifugeTest, identify
+from schuler.centrifuge.scheme import CentrifugeScheme
 from schuler.centrifuge.scorecard import Scorecard, by_objective, score
 from schuler.centrifuge.search import AngleLimits, Problem, evaluate_positions
 

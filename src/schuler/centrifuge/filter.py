@@ -14,12 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.centrifuge.plant import (
-    Plant,
-    _angles,
-    coefficient_names,
-    coefficient_units,
-)
+from schuler.centrifuge.coefficients import coefficient_names, coefficient_units
+from schuler.centrifuge.information import _angles
+from schuler.centrifuge.plant import Plant
 from schuler.errors import InputError
 
 __all__ = ["Ekf", "PlatformFit", "fit_platform", "simulate_platform"]
@@ -135,7 +132,7 @@ def simulate_platform(
     forces : sequence of float, optional
         Level of force at each position, g.
     """
-    from schuler.kernels.centrifuge import platform_matrix
+    from schuler.kernels.gimbals import platform_matrix
 
     nominal = _angles(positions)
     count = len(nominal)

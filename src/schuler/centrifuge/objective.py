@@ -7,14 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.centrifuge.plant import (
-    Plant,
-    Tables,
-    coefficient_names,
-    position_matrices,
-    published_truth,
-    scheme_information,
-)
+from schuler.centrifuge.coefficients import coefficient_names, published_truth
+from schuler.centrifuge.information import Tables, position_matrices, scheme_information
+from schuler.centrifuge.plant import Plant
 from schuler.errors import InputError
 
 __all__ = ["OBJECTIVES", "Judgement", "Objective", "default_wanted", "judge", "time_to_reach"]

@@ -10,16 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler._result import Result, table_of_rows
-from schuler.centrifuge.files import CentrifugeScheme, true_coefficients
-from schuler.centrifuge.filter import Ekf, PlatformFit, fit_platform
-from schuler.centrifuge.objective import Judgement, judge
-from schuler.centrifuge.plant import (
+from schuler.centrifuge.coefficients import (
     PUBLISHED_ESTIMATES,
-    Plant,
     coefficient_names,
     coefficient_units,
-    scheme_information,
 )
+from schuler.centrifuge.files import true_coefficients
+from schuler.centrifuge.filter import Ekf, PlatformFit, fit_platform
+from schuler.centrifuge.information import scheme_information
+from schuler.centrifuge.objective import Judgement, judge
+from schuler.centrifuge.plant import Plant
+from schuler.centrifuge.scheme import CentrifugeScheme
 
 if TYPE_CHECKING:
     import pandas as pd

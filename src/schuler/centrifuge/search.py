@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.centrifuge.information import Tables, position_matrices
 from schuler.centrifuge.objective import Objective
-from schuler.centrifuge.plant import Plant, Tables, position_matrices
+from schuler.centrifuge.plant import Plant
 from schuler.constants import DEG
 from schuler.errors import InputError, SchulerError
 

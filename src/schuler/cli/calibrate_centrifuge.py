@@ -66,7 +66,7 @@ def centrifuge(**options: Any) -> None:
     import numpy as np
 
     from schuler.centrifuge import Ekf, identify, simulate_platform
-    from schuler.centrifuge.files import outputs_truth_path, read_outputs
+    from schuler.centrifuge.outputs import outputs_truth_path, read_outputs
 
     path, seed = options["file"], options["seed"]
     if path is not None and seed is not None:
@@ -108,7 +108,8 @@ def _plant_and_scheme(
 
     from schuler._files import read_toml
     from schuler.centrifuge import CentrifugeScheme, Plant
-    from schuler.centrifuge.files import plant_from_toml, published_test, scheme_from_toml
+    from schuler.centrifuge.files import plant_from_toml, scheme_from_toml
+    from schuler.centrifuge.scheme import published_test
 
     known = set() if beside is None else set(read_toml(beside))
 

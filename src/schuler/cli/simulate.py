@@ -83,7 +83,8 @@ def command(**options: Any) -> None:
 
 def _centrifuge_test(options: dict[str, Any], overrides: dict[str, Any]) -> None:
     """Simulate a centrifuge test."""
-    from schuler.centrifuge.files import outputs_truth_path, simulate_test, write_outputs
+    from schuler.centrifuge.files import simulate_test
+    from schuler.centrifuge.outputs import outputs_truth_path, write_outputs
     from schuler.errors import InputError
 
     if options["truth"] is not None or options["run"] is not None:

@@ -1,23 +1,18 @@
-"""The motions of a scenario file, one model a kind, each of which makes its motion.
-
-Each model checks by making its motion once: what the motion's own constructor refuses is then an
-error of the file, at the motion's table.
-"""
+"""The motions of a scenario file, one model a kind, each of which makes its motion."""
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
+from schuler.config.machine_motions import CentrifugeTable, RotationTable, TurntableTable
+from schuler.config.motion_table import ORIGIN, MotionTable, Strict
 from schuler.config.quantities import (
-    AngularRate,
     Band2,
     Count,
     Degrees,
-    DegreesTriple,
     Metres,
     MetresTriple,
     Number,
@@ -25,18 +20,13 @@ from schuler.config.quantities import (
     PositiveTime,
     Share,
     Speed,
-    Time,
     Triple,
     as_table,
-    deg_per_second,
 )
 from schuler.motion import (
     Band,
-    Carried,
-    Centrifuge,
     Crew,
     DisturbedVehicle,
-    Dwell,
     Hull,
     Lines,
     Manoeuvre,
@@ -44,90 +34,13 @@ from schuler.motion import (
     Route,
     Sea,
     Static,
-    Sum,
     Sway,
-    Turn,
-    Turntable,
-    continuous_rotation,
-    four_position,
     moored_ship,
-    two_axis_16,
 )
 
-__all__ = ["KINDS", "MODELS", "AnyMotion", "MotionTable", "Strict"]
+__all__ = ["KINDS", "MODELS", "AnyMotion"]
 
 Channel = Literal["heading", "pitch", "roll", "east", "north", "up"]
-Axis = Literal["psi", "theta", "gamma"]
-ORIGIN = (0.0, 0.0, 0.0)
-
-_TRIAL = np.array([0.0, 7.3, 31.7])
-"""Times at which a motion is tried out, s."""
-
-
-class Strict(BaseModel):
-    """A table whose keys are all known."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=False)
-
-
-class MotionTable(Strict):
-    """What every motion may have: others that add to it, and one on board."""
-
-    with_: list[AnyMotion] = Field(default_factory=list, alias="with")
-    on_board: AnyMotion | None = None
-    mount: MetresTriple | None = None
-
-    @property
-    def frames(self) -> int:
-        """Turning frames of the chain."""
-        return 1 + (self.on_board.frames if self.on_board else 0)
-
-    @abstractmethod
-    def own(self, rng: np.random.Generator, duration: float) -> Motion:
-        """Make the motion of this table alone."""
-
-    def make(self, rng: np.random.Generator, duration: float) -> Motion:
-        """Make the motion with all that adds to it and rides on it.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            What is random is drawn in the order of the file: own, with, on board.
-        duration : float
-            Length of the record, s.
-        """
-        motion = self.own(rng, duration)
-        if self.with_:
-            motion = Sum((motion, *(part.make(rng, duration) for part in self.with_)))
-        if self.on_board is None:
-            return motion
-        return Carried(motion, self.on_board.make(rng, duration), self.mount or ORIGIN)
-
-    @model_validator(mode="after")
-    def _fits(self) -> Any:
-        if self.mount is not None and self.on_board is None:
-            raise ValueError("mount says where on_board sits, but there is no on_board")
-        alone = self.frames - (self.on_board.frames if self.on_board else 0)
-        for part in self.with_:
-            if part.frames != alone:
-                raise ValueError(
-                    "what adds (with) must turn in as many frames as the motion itself: "
-                    f"{part.kind} has {part.frames}, {getattr(self, 'kind', 'it')} has {alone}"
-                )
-        self.make(np.random.default_rng(0), 60.0).track(_TRIAL)
-        return self
-
-    @field_validator("on_board")
-    @classmethod
-    def _stays(cls, value: Any) -> Any:
-        if value is not None:
-            path = value.make(np.random.default_rng(0), 60.0).track(_TRIAL).path
-            if np.any(path):
-                raise ValueError(
-                    f"what is on board may turn but not travel, and {value.kind} travels: "
-                    "give its way to the motion that carries it"
-                )
-        return value
 
 
 class StaticTable(MotionTable):
@@ -247,88 +160,6 @@ class VehicleTable(MotionTable):
         )  # fmt: skip
 
 
-class StepTable(Strict):
-    """A dwell, or a turn of one axis."""
-
-    dwell: Time | None = None
-    turn: Axis | None = None
-    angle: Degrees | None = None
-    rate: AngularRate = np.radians(10.0)
-    acceleration_deg_s2: Positive = 20.0
-
-    @model_validator(mode="after")
-    def _one(self) -> StepTable:
-        if (self.dwell is None) == (self.turn is None):
-            raise ValueError("a step is either a dwell (dwell = '60 s') or a turn (turn = 'psi')")
-        if self.turn is not None and self.angle is None:
-            raise ValueError("a turn needs its angle")
-        if self.dwell is not None and self.model_fields_set - {"dwell"}:
-            raise ValueError("a dwell has nothing but its time")
-        self.make()
-        return self
-
-    def make(self) -> Dwell | Turn:
-        """Make the step."""
-        if self.dwell is not None:
-            return Dwell(self.dwell)
-        assert self.turn is not None
-        assert self.angle is not None
-        rate = deg_per_second(self.rate)
-        return Turn(self.turn, self.angle, rate, self.acceleration_deg_s2)
-
-
-class TurntableTable(MotionTable):
-    """A turntable that runs a list of steps."""
-
-    kind: Literal["turntable"]
-    steps: Annotated[list[StepTable], Field(min_length=1)]
-    start: DegreesTriple = ORIGIN
-    repeat: bool = False
-    lever: MetresTriple = ORIGIN
-
-    def own(self, rng: np.random.Generator, duration: float) -> Motion:
-        """Make it."""
-        steps = tuple(step.make() for step in self.steps)
-        return Turntable(steps, self.start, self.repeat, self.lever)
-
-
-class RotationTable(MotionTable):
-    """A named scheme of rotation modulation."""
-
-    kind: Literal["rotation"]
-    scheme: Literal["four-position", "two-axis-16", "continuous"]
-    dwell: Time | None = None
-    rate: AngularRate = np.radians(10.0)
-    acceleration_deg_s2: Positive = 20.0
-    axis: Axis = "psi"
-    turns: Annotated[Count, Field(ge=1)] = 1
-
-    @model_validator(mode="after")
-    def _belongs(self) -> RotationTable:
-        strange = {
-            "four-position": {"turns"},
-            "two-axis-16": {"turns", "axis"},
-            "continuous": {"dwell"},
-        }[self.scheme] & self.model_fields_set
-        if strange:
-            raise ValueError(f"{min(strange)} is nothing that the scheme {self.scheme} has")
-        if self.scheme != "continuous" and self.dwell is None:
-            raise ValueError(f"the scheme {self.scheme} needs its dwell, such as '60 s'")
-        return self
-
-    def own(self, rng: np.random.Generator, duration: float) -> Motion:
-        """Make it."""
-        rate, acceleration = deg_per_second(self.rate), self.acceleration_deg_s2
-        if self.scheme == "continuous":
-            return continuous_rotation(
-                rate, turns=self.turns, acceleration=acceleration, axis=self.axis
-            )
-        dwell = self.dwell or 0.0
-        if self.scheme == "two-axis-16":
-            return two_axis_16(dwell, rate=rate, acceleration=acceleration)
-        return four_position(dwell, rate=rate, acceleration=acceleration, axis=self.axis)
-
-
 class SeaTable(Strict):
     """A sea state."""
 
@@ -395,30 +226,6 @@ class RouteTable(MotionTable):
         return Route(parts, self.heading, self.speed, self.coordinated, self.lever)
 
 
-class CentrifugeTable(MotionTable):
-    """A centrifuge."""
-
-    kind: Literal["centrifuge"]
-    radius: Annotated[Metres, Field(ge=0)]
-    rate: AngularRate
-    spin_up: Time = 0.0
-    counter_rotation: bool = True
-    orientation: DegreesTriple = ORIGIN
-    start: Degrees = 0.0
-
-    @property
-    def frames(self) -> int:
-        """Turning frames: arm, platform, IMU, and what is on board."""
-        return 2 + super().frames
-
-    def own(self, rng: np.random.Generator, duration: float) -> Motion:
-        """Make it."""
-        return Centrifuge(
-            self.radius, deg_per_second(self.rate), self.spin_up, self.counter_rotation,
-            self.orientation, self.start,
-        )  # fmt: skip
-
-
 _Kinds = (
     StaticTable
     | SwayTable
@@ -445,4 +252,5 @@ MODELS: dict[str, type[MotionTable]] = {
 KINDS = tuple(MODELS)
 
 for _model in MODELS.values():
-    _model.model_rebuild()
+    # What adds to a motion, or is on board, is any of these.
+    _model.model_rebuild(_types_namespace={"AnyMotion": AnyMotion})

@@ -17,7 +17,7 @@ from schuler.motion import Motion
 from schuler.sensors import ImuSpec
 
 if TYPE_CHECKING:
-    from schuler.config.motions import MotionTable
+    from schuler.config.motion_table import MotionTable
     from schuler.simulation import Simulation
 
 __all__ = ["Scenario"]

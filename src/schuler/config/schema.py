@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from schuler.alignment.methods import parse_method
-from schuler.config.motions import AnyMotion, Strict
+from schuler.config.motion_table import Strict
+from schuler.config.motions import AnyMotion
 from schuler.config.quantities import (
     Acceleration,
     AngularRate,

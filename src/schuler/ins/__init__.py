@@ -19,6 +19,7 @@ from schuler.ins.dynamics import (
 )
 from schuler.ins.epoch_states import EpochStates, SampleStates
 from schuler.ins.filter import ErrorStateFilter
+from schuler.ins.filter_state import FilterState
 from schuler.ins.layout import Layout
 from schuler.ins.measurement import Handling, Measurement
 from schuler.ins.measurements import (
@@ -51,6 +52,7 @@ __all__ = [
     "EpochStates",
     "Epochs",
     "ErrorStateFilter",
+    "FilterState",
     "GroupNoise",
     "Handling",
     "Heading",

@@ -9,10 +9,12 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler.errors import InputError
 from schuler.ins.layout import Layout
 from schuler.ins.measurement import Handling
+from schuler.kernels import ins_layout as kernel
 
-__all__ = ["CustomMeasurement", "State"]
+__all__ = ["CustomMeasurement", "State", "custom_rows", "custom_table"]
 
 Array = NDArray[np.float64]
 
@@ -85,3 +87,34 @@ class CustomMeasurement(Protocol):
 
     def rows(self, state: State) -> tuple[ArrayLike, ArrayLike, ArrayLike]:
         """Return predicted minus measured, rows of H, variances."""
+
+
+def custom_table(aid: CustomMeasurement, number: int) -> Array:
+    """Return the rows of the kernel's queue for the measurements of an aid of a user's own."""
+    time = np.asarray(aid.time, np.float64)
+    out = np.zeros((len(time), kernel.M_SIZE))
+    out[:, kernel.M_TIME], out[:, kernel.M_AID] = time, number
+    out[:, kernel.M_KIND] = kernel.CUSTOM
+    out[:, kernel.M_VALUE] = np.arange(len(time))
+    return out
+
+
+def custom_rows(aid: CustomMeasurement, state: State) -> tuple[Array, Array, Array]:
+    """Return residuals (k,), rows of H (k, n) and variances (k,) of an aid, checked.
+
+    Raises
+    ------
+    InputError
+        For other shapes, or numbers that are not finite.
+    """
+    z, h, r = (np.atleast_1d(np.asarray(a, np.float64)) for a in aid.rows(state))
+    h = np.atleast_2d(h)
+    count, n = len(z), state.layout.size
+    if h.shape != (count, n) or r.shape != (count,) or not 0 < count <= kernel.MOST_ROWS:
+        raise InputError(
+            f"{aid.name}: rows must give up to {kernel.MOST_ROWS} numbers, as many rows of "
+            f"{n} columns and as many variances, got shapes {z.shape}, {h.shape} and {r.shape}"
+        )
+    if not (np.all(np.isfinite(z)) and np.all(np.isfinite(h)) and np.all(r > 0.0)):
+        raise InputError(f"{aid.name}: rows must be finite, and variances positive")
+    return z, h, r

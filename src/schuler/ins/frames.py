@@ -1,13 +1,13 @@
-"""From the wander frame, in which the filter navigates, to East-North-Up."""
+"""The wander frame, in which the filter navigates, and East-North-Up."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.attitude import quat_to_matrix
+from schuler.attitude import nearest_quat, quat_to_matrix
 
-__all__ = ["east_angle", "to_east_north_up"]
+__all__ = ["east_angle", "frame_quaternion", "to_east_north_up"]
 
 Array = NDArray[np.float64]
 
@@ -32,3 +32,10 @@ def to_east_north_up(angle: float) -> Array:
     """Return the rotation (3, 3) from the wander frame to East-North-Up."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def frame_quaternion(lat: float, lon: float) -> Array:
+    """Return q_n^e (4,) of East-North-Up at a latitude and longitude, rad."""
+    sl, cl, so, co = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
+    columns = [[-so, co, 0.0], [-sl * co, -sl * so, cl], [cl * co, cl * so, sl]]
+    return nearest_quat(np.array(columns).T)

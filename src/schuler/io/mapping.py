@@ -11,7 +11,7 @@ from typing import Any
 from schuler._files import check_keys, read_toml, replacing
 from schuler.errors import InputError
 from schuler.io.axes import parse_axes
-from schuler.sensors.array import load_array
+from schuler.sensors.named_arrays import load_array
 from schuler.units import parse_factor
 
 __all__ = ["ROLES", "SKIP", "Mapping"]

@@ -12,7 +12,8 @@ from schuler.io.clock import Clock
 from schuler.io.content import Array, Block, Content
 from schuler.io.mapping import Mapping
 from schuler.record.hints import Reading
-from schuler.sensors.array import SensorArray, load_array
+from schuler.sensors.array import SensorArray
+from schuler.sensors.named_arrays import load_array
 from schuler.units import known_unit, parse_factor
 
 __all__ = ["Meaning", "settle"]

@@ -16,17 +16,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from schuler.errors import InputError
+from schuler.io.candidates import Candidates
 from schuler.io.number_line import (
     LONGEST,
     PERIOD,
     SHORTEST,
     STRETCH,
     WINDOW,
-    Key,
     Line,
     Stream,
-    robust_line,
-    unwrap,
 )
 from schuler.io.packets import KINDS, LARGEST_TIME, Packet
 
@@ -40,9 +38,6 @@ SILENCE = 2.0
 
 _MISSED = 8.0
 """A slow stream is silent after so many intervals."""
-
-_CANDIDATES = 32
-"""Candidates that are kept: forged packets make one each."""
 
 #: why a sample was left out -> what is said of it
 REASONS = {
@@ -100,7 +95,7 @@ class Streams:
         self.counts: Counter[str] = Counter()
         self.notes: list[str] = []
         self.stream: Stream | None = None
-        self._candidates: list[Stream] = []
+        self._candidates = Candidates(self.counts)
         self._heard = float("-inf")
         self._ignored: set[str] = set()
         self._resumed = False
@@ -134,7 +129,7 @@ class Streams:
         part = self._promote(now, ending=True)
         for candidate in self._candidates:
             self.counts += candidate.reasons
-        self._candidates = []
+        self._candidates.clear()
         return [] if part is None else [part]
 
     def _sort(self, packet: Packet, source: str | None, now: float | None) -> Packet | Part | None:
@@ -156,7 +151,8 @@ class Streams:
         else:
             # A new run of the sender is on its way to replace the old one.
             reason = "other_kind" if packet.run == stream.key[3] else "unconfirmed"
-        self._offer(packet, key, reason)
+        near = stream.line.number if stream is not None else 0
+        self._candidates.offer(packet, key, reason, near)
         return self._promote(now)
 
     def _follow(self, stream: Stream, packet: Packet, now: float | None) -> Packet | str | None:
@@ -166,7 +162,7 @@ class Streams:
         if number in stream.seen:
             if stream.seen[number] == hash(packet[1:3]):
                 self.counts["repeated"] += 1
-                self._drop_replay(stream.key, packet.number)
+                self._candidates.drop_replay(stream.key, packet.number)
                 return None
             return "wrong_number"
         fits = stream.line.fits(number, packet.time)
@@ -180,7 +176,7 @@ class Streams:
             return "wrong_number"
         if not fits or packet.time - stream.last > self.max_gap:
             return "wrong_time"
-        if self._restarted(stream.key, packet.number):
+        if self._candidates.restarted(stream.key, packet.number):
             return "wrong_number"
         if not stream.possible(packet):
             self.counts["out_of_range"] += 1
@@ -194,47 +190,6 @@ class Streams:
             self._heard = float("-inf") if now is None else now
             self._drop()
         return packet
-
-    def _drop_replay(self, key: Key, number: int) -> None:
-        """Drop the candidate that led up to a sample that was seen: a sender sent it all again."""
-        for candidate in [c for c in self._candidates if c.key == key]:
-            if candidate.unwrap(number) == candidate.line.number + 1:
-                self.counts["late"] += candidate.count
-                self._candidates.remove(candidate)
-
-    def _restarted(self, key: Key, number: int) -> bool:
-        """Say whether a packet is the next of a candidate that counts its way up again."""
-        return any(
-            c.key == key and c.count >= STRETCH and c.unwrap(number) == c.line.number + 1
-            for c in self._candidates
-        )
-
-    def _offer(self, packet: Packet, key: Key, reason: str) -> None:
-        """Give a packet to the candidate that it fits, or make one of it."""
-        for candidate in self._candidates:
-            if candidate.key != key:
-                continue
-            number = candidate.unwrap(packet.number)
-            if candidate.seen.get(number) == hash(packet[1:3]):
-                self.counts["repeated"] += 1
-                return
-            near = abs(number - candidate.line.number) <= WINDOW
-            if near and number not in candidate.seen and candidate.line.fits(number, packet.time):
-                break
-        else:
-            candidate = Stream(key)
-            near_to = self.stream.line.number if self.stream is not None else 0
-            number = unwrap(packet.number, near_to)
-            self._candidates.append(candidate)
-            if len(self._candidates) > _CANDIDATES:
-                # The one with the fewest samples; of several the oldest.
-                weakest = min(self._candidates[:-1], key=lambda c: c.count)
-                self._candidates.remove(weakest)
-                self.counts += weakest.reasons
-        packet = packet._replace(number=number)
-        candidate.take(packet)
-        candidate.held.append((packet, reason))
-        candidate.reasons[reason] += 1
 
     def _drop(self) -> None:
         """Drop the candidates: the stream goes on."""
@@ -258,11 +213,11 @@ class Streams:
                 self.notes.append(
                     f"samples of {source} are left out: they are not of the source that is aligned"
                 )
-        self._candidates = []
+        self._candidates.clear()
 
     def _promote(self, now: float | None, ending: bool = False) -> Part | None:
         """Let the candidate with the longest stretch take the place of a silent stream."""
-        best = max(self._candidates, key=lambda c: c.count, default=None)
+        best = self._candidates.longest()
         if best is None or best.count < STRETCH:
             return None
         if self.stream is not None:
@@ -278,7 +233,7 @@ class Streams:
         # A candidate that found no line is not tried with each sample again.
         if best.count > WINDOW and best.count % WINDOW and not ending:
             return None
-        found = self._gather(best)
+        found = self._candidates.gather(best)
         if found is None:
             return None
         stream, samples = found
@@ -292,36 +247,6 @@ class Streams:
         self._heard = float("-inf") if now is None else now
         self._drop()
         return Part(kept, change)
-
-    def _gather(self, best: Stream) -> tuple[Stream, list[Packet]] | None:
-        """Return the stream that most samples of a candidate make, with those of the others on it.
-
-        The first samples may have been sorted to a forged one: what counts is the line that is
-        found with all of them at hand.
-        """
-        line = robust_line([packet for packet, _ in best.held])
-        if line is None:
-            return None
-        stream = Stream(best.key, line)
-        numbers = [packet.number for packet, _ in best.held]
-        low, high = min(numbers) - WINDOW, max(numbers) + WINDOW
-        on_line: dict[int, Packet] = {}
-        for candidate in (best, *self._candidates):
-            if candidate.key == best.key:
-                for packet, _ in candidate.held:
-                    near = low <= packet.number <= high
-                    if near and line.fits(packet.number, packet.time):
-                        on_line.setdefault(packet.number, packet)
-        if len(on_line) < STRETCH:
-            return None
-        for candidate in self._candidates:
-            for packet, reason in candidate.held:
-                if on_line.get(packet.number) is packet:
-                    candidate.reasons[reason] -= 1
-        samples = [on_line[number] for number in sorted(on_line)]
-        for packet in samples:
-            stream.take(packet)
-        return stream, samples
 
     def _change(self, new: Stream, first: Packet) -> Change:
         source, form, kind, run = new.key

@@ -185,7 +185,9 @@ class _Kernel(_Compiled):
     def compile_for(self, words: tuple[str, ...]) -> None:
         """Compile a kernel for types of arguments, as `describe` has them, unless it was before."""
         if self._through_numba():
-            self.wrapped.compile(machine_code.numba_types(words))
+            from schuler.kernels._entry_points import numba_types
+
+            self.wrapped.compile(numba_types(words))
             # Says that Numba has it.
             write_code(file_of(f"{self.__module__.rpartition('.')[2]}.{self.__name__}", words))
         else:
@@ -201,8 +203,10 @@ class _Kernel(_Compiled):
         file = file_of(f"{self.__module__.rpartition('.')[2]}.{self.__name__}", words)
         kept = read_code(file)
         if kept is None:
+            from schuler.kernels._entry_points import compile_entry
+
             name = "schuler_" + re.sub(r"\W", "_", Path(file).stem)
-            kept = machine_code.compile_entry(self.dispatcher, words, name) or (b"", b"")
+            kept = compile_entry(self.dispatcher, words, name) or (b"", b"")
             write_code(file, *kept)
         if not kept[1]:
             self._by_numba = True

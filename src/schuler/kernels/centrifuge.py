@@ -26,6 +26,7 @@ import math
 import numpy as np
 
 from schuler.kernels._jit import helper, kernel
+from schuler.kernels.gimbals import angle_rates, platform_matrix
 
 WIDTH = 10
 """Functions of time in a turn."""
@@ -34,53 +35,18 @@ MONOMIALS = 10
 """1, x, y, z, xx, yy, zz, xy, xz, yz: the forces that gyro drift depends on."""
 
 #: gyro j, term m -> monomial, with the sign of the axes (I, O, S) of that gyro in p
-_TERM = np.array(
+TERM = np.array(
     [[0, 1, 3, 2, 4, 5, 8, 7, 9, 6],
      [0, 2, 3, 1, 5, 4, 9, 7, 8, 6],
      [0, 3, 1, 2, 6, 5, 8, 9, 7, 4]], dtype=np.int64
 )  # fmt: skip
-_SIGN = np.array(
+SIGN = np.array(
     [[1, 1, -1, 1, 1, 1, -1, 1, -1, 1],
      [1, 1, -1, -1, 1, 1, -1, -1, 1, 1],
      [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]], dtype=np.float64
 )  # fmt: skip
-_FIRST = np.array([1, 2, 3, 1, 2, 3, 1, 1, 2], dtype=np.int64)
-_SECOND = np.array([0, 0, 0, 1, 2, 3, 2, 3, 3], dtype=np.int64)
-
-
-ZYX, YZX = range(2)
-"""Orders of the gimbals: Mz(gamma) My(beta) Mx(alpha), or My(gamma) Mz(beta) Mx(alpha)."""
-
-
-@helper
-def platform_matrix(alpha, beta, gamma, order):
-    """Return C_r^p of an order of the gimbals, nine numbers by rows."""
-    sa, ca = math.sin(alpha), math.cos(alpha)
-    sb, cb = math.sin(beta), math.cos(beta)
-    sg, cg = math.sin(gamma), math.cos(gamma)
-    if order == YZX:
-        return (
-            cg * cb, cg * sb * ca + sg * sa, cg * sb * sa - sg * ca,
-            -sb, cb * ca, cb * sa,
-            sg * cb, sg * sb * ca - cg * sa, sg * sb * sa + cg * ca,
-        )  # fmt: skip
-    return (
-        cg * cb, cg * sb * sa + sg * ca, -cg * sb * ca + sg * sa,
-        -sg * cb, -sg * sb * sa + cg * ca, sg * sb * ca + cg * sa,
-        sb, -cb * sa, cb * ca,
-    )  # fmt: skip
-
-
-@helper
-def angle_rates(angles, order, p, q, r):
-    """Return T (p, q, r): how the angles change when p turns at so much (eq. 15 for `YZX`)."""
-    sb, cb = math.sin(angles[1]), math.cos(angles[1])
-    sg, cg = math.sin(angles[2]), math.cos(angles[2])
-    if order == YZX:
-        a = (cg * p + sg * r) / cb
-        return a, cg * r - sg * p, q + sb * a
-    a = (cg * p - sg * q) / cb
-    return a, sg * p + cg * q, r - sb * a
+FIRST = np.array([1, 2, 3, 1, 2, 3, 1, 1, 2], dtype=np.int64)
+SECOND = np.array([0, 0, 0, 1, 2, 3, 2, 3, 3], dtype=np.int64)
 
 
 @helper
@@ -188,8 +154,8 @@ def position_information(angles, order, nodes, blend, root, omega, terms, prior,
             used = 0
             for t in range(terms):
                 for c in range(WIDTH):
-                    rows[c, used] = _SIGN[j, t] * products[h, _TERM[j, t], c]
-                    rows[c, used + 1] = -_SIGN[h, t] * products[j, _TERM[h, t], c]
+                    rows[c, used] = SIGN[j, t] * products[h, TERM[j, t], c]
+                    rows[c, used + 1] = -SIGN[h, t] * products[j, TERM[h, t], c]
                 index[used], index[used + 1] = 3 * t + j, 3 * t + h
                 used += 2
             for which in range(5):
@@ -241,7 +207,7 @@ def position_information(angles, order, nodes, blend, root, omega, terms, prior,
                         sums[index[r], index[c]] += total
                     else:
                         sums[index[c], index[r]] += total
-    _marginalise(sums, angles, order, prior, n, out)
+    marginalise(sums, angles, order, prior, n, out)
 
 
 @helper
@@ -265,7 +231,7 @@ def _harmonics(m, node, force, mono):
     mono[0, :] = 0.0
     mono[0, 0] = 1.0
     for k in range(9):
-        p, q = force[_FIRST[k]], force[_SECOND[k]]
+        p, q = force[FIRST[k]], force[SECOND[k]]
         mono[1 + k, 0] = p[0] * q[0] + 0.5 * (p[1] * q[1] + p[2] * q[2])
         mono[1 + k, 1] = p[0] * q[1] + p[1] * q[0]
         mono[1 + k, 2] = p[0] * q[2] + p[2] * q[0]
@@ -285,7 +251,7 @@ def _sine_growth(m, node, force, drift, work, out):
             )
     out[0] = 0.0
     for k in range(9):
-        i, j = _FIRST[k] - 1, _SECOND[k] - 1
+        i, j = FIRST[k] - 1, SECOND[k] - 1
         p = force[1 + i]
         total = work[3 * i + 2]
         if j >= 0:
@@ -303,7 +269,7 @@ def _sine_growth(m, node, force, drift, work, out):
 
 
 @helper
-def _marginalise(sums, angles, order, prior, n, out):
+def marginalise(sums, angles, order, prior, n, out):
     """Add to `out` the information of the first n unknowns, the last three integrated out."""
     # phi = -(turn of p); the Euler angles turn by T times it: the prior is T^T T / sigma^2.
     t0, t1, t2 = (
@@ -356,101 +322,6 @@ def many_positions(angles, order, level, nodes, blend, root, omega, terms, prior
         position_information(
             angles[p], order, nodes[k], blend[k], root[k], omega[k], terms, prior, work, out[p]
         )
-
-
-@kernel
-def direct_accumulation(
-    angles, order, force, omega, earth, samples, step, every, terms, weight, prior, out
-):  # fmt: skip
-    """Add to `out` what one position tells, sample by sample: the long way, for comparison.
-
-    Parameters
-    ----------
-    angles : (3,) float64
-        alpha, beta, gamma at the start, rad.
-    order : int
-        Of the gimbals.
-    force : (3, 3) float64
-        a, b, c of the base's force a + b cos wt + c sin wt, g.
-    omega, earth : float, (3,) float64
-        Rates of the arm and of the base, rad/s.
-    samples, step, every : int, float, int
-        Steps of the integration (Adams-Moulton), their length (s), steps to a measurement.
-    terms, weight, prior
-        Terms of a gyro; 1 / variance of a measurement, 1/g^2; information of an Euler angle.
-    out : (n, n) float64
-        Added to, both triangles.
-    """
-    n = 3 * terms + 18
-    full = n + 3
-    sums = np.zeros((full, full))
-    m = platform_matrix(angles[0], angles[1], angles[2], order)
-    f = np.zeros(4)
-    f[0] = 1.0
-    before = np.zeros(MONOMIALS)
-    earlier = np.zeros(MONOMIALS)
-    now = np.zeros(MONOMIALS)
-    grown = np.zeros(MONOMIALS)
-    row = np.zeros(full)
-    index = np.zeros(full, np.int64)
-    rate = math.sqrt(earth[0] ** 2 + earth[1] ** 2 + earth[2] ** 2)
-    for k in range(samples + 1):
-        t = k * step
-        c, s = math.cos(omega * t), math.sin(omega * t)
-        # The base turns with the Earth, the platform does not: exp([w t x]) by Rodrigues.
-        x = force[0, 0] + force[1, 0] * c + force[2, 0] * s
-        y = force[0, 1] + force[1, 1] * c + force[2, 1] * s
-        z = force[0, 2] + force[1, 2] * c + force[2, 2] * s
-        a1 = math.sin(rate * t) / rate if rate > 0.0 else 0.0
-        a2 = (1.0 - math.cos(rate * t)) / (rate * rate) if rate > 0.0 else 0.0
-        u = earth[1] * z - earth[2] * y
-        v = earth[2] * x - earth[0] * z
-        w = earth[0] * y - earth[1] * x
-        x += a1 * u + a2 * (earth[1] * w - earth[2] * v)
-        y += a1 * v + a2 * (earth[2] * u - earth[0] * w)
-        z += a1 * w + a2 * (earth[0] * v - earth[1] * u)
-        for a in range(3):
-            f[1 + a] = m[3 * a] * x + m[3 * a + 1] * y + m[3 * a + 2] * z
-        now[0] = 1.0
-        for a in range(9):
-            now[1 + a] = f[_FIRST[a]] * f[_SECOND[a]]
-        for a in range(MONOMIALS):
-            if k == 1:
-                grown[a] = 0.5 * step * (before[a] + now[a])
-            elif k > 1:
-                grown[a] += step / 12.0 * (5.0 * now[a] + 8.0 * before[a] - earlier[a])
-            earlier[a], before[a] = before[a], now[a]
-        if k == 0 or k % every != 0:
-            continue
-        for i in range(3):
-            j, h = (i + 1) % 3, (i + 2) % 3
-            used = 0
-            for t_ in range(terms):
-                row[used] = _SIGN[j, t_] * grown[_TERM[j, t_]] * f[1 + h]
-                row[used + 1] = -_SIGN[h, t_] * grown[_TERM[h, t_]] * f[1 + j]
-                index[used], index[used + 1] = 3 * t_ + j, 3 * t_ + h
-                used += 2
-            value = 1.0
-            for which in range(4):
-                row[used] = value
-                index[used] = 3 * terms + 3 * which + i
-                value *= f[1 + i]
-                used += 1
-            row[used] = f[1] * f[2] if i == 0 else (-f[2] * f[3] if i == 1 else f[3] * f[2])
-            index[used] = 3 * terms + 12 + i
-            used += 1
-            for which in range(i):
-                row[used] = f[1 + which]
-                index[used] = 3 * terms + 15 + (0 if i == 1 else 1 + which)
-                used += 1
-            row[used], row[used + 1] = f[1 + h], -f[1 + j]
-            index[used], index[used + 1] = n + j, n + h
-            used += 2
-            for r in range(used):
-                for q in range(used):
-                    if index[r] >= index[q]:
-                        sums[index[r], index[q]] += weight * row[r] * row[q]
-    _marginalise(sums, angles, order, prior, n, out)
 
 
 @kernel

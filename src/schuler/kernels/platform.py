@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from schuler.kernels._jit import helper, kernel
-from schuler.kernels.centrifuge import angle_rates, platform_matrix
+from schuler.kernels.gimbals import angle_rates, platform_matrix
 
 
 @helper

@@ -17,7 +17,8 @@ from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.modulation.propagation import TriadErrors, end_errors, turned
 from schuler.modulation.residual import scheme_residual
-from schuler.motion.rotation import Limits, Scheme, load_scheme, named_scheme
+from schuler.motion.named_schemes import load_scheme, named_scheme
+from schuler.motion.rotation import Limits, Scheme
 from schuler.sensors import SensorArray, load_array
 from schuler.units import parse
 
@@ -358,7 +359,8 @@ def strapdown_end(
     from schuler.kernels import strapdown
     from schuler.kernels.states import StrapdownOptions
     from schuler.motion import Static
-    from schuler.navigation.navigator import Start, local_rows
+    from schuler.navigation.navigator import local_rows
+    from schuler.navigation.start import Start
     from schuler.simulation import simulate
 
     if any(walks) and rng is None:

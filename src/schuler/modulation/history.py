@@ -15,7 +15,7 @@ from schuler.constants import ARCMIN
 from schuler.errors import InputError
 from schuler.modulation.compare import RotationCase
 from schuler.modulation.propagation import error_series, turned
-from schuler.motion.rotation import named_scheme
+from schuler.motion.named_schemes import named_scheme
 
 if TYPE_CHECKING:
     import pandas as pd

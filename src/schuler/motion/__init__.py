@@ -4,15 +4,8 @@ from __future__ import annotations
 
 from schuler.motion.base import Carried, Motion, Sum, Track
 from schuler.motion.centrifuge import Centrifuge
-from schuler.motion.rotation import (
-    SCHEMES,
-    Limits,
-    NorthLocked,
-    Scheme,
-    carrier_attitude,
-    load_scheme,
-    named_scheme,
-)
+from schuler.motion.named_schemes import SCHEMES, load_scheme, named_scheme
+from schuler.motion.rotation import Limits, NorthLocked, Scheme, carrier_attitude
 from schuler.motion.route import Manoeuvre, Route
 from schuler.motion.sea import Hull, Sea, moored_ship
 from schuler.motion.static import Static

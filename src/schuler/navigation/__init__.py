@@ -17,10 +17,11 @@ from schuler.navigation.evaluate import (
 from schuler.navigation.free_result import FreeNavigation
 from schuler.navigation.lever import at_lever
 from schuler.navigation.motion_start import MotionStart, motion_start
-from schuler.navigation.navigator import Navigator, Start
+from schuler.navigation.navigator import Navigator
 from schuler.navigation.options import Gravity, Vertical, parse_gravity, parse_vertical
 from schuler.navigation.outages import Outages, OutageScore
 from schuler.navigation.run import navigate
+from schuler.navigation.start import Start
 
 __all__ = [
     "AidedNavigation",

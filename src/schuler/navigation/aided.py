@@ -50,8 +50,8 @@ from schuler.navigation.aided_setup import (
     rests_of,
 )
 from schuler.navigation.aiding_options import AidingOptions
-from schuler.navigation.navigator import Start
 from schuler.navigation.outages import Outages
+from schuler.navigation.start import Start
 from schuler.record import ImuRecord
 from schuler.sensors import CONSUMER_MEMS, ImuSpec
 

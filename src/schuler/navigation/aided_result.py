@@ -11,21 +11,25 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler._result import Result
 from schuler.aiding import GnssFixes
-from schuler.attitude import multiply, quat_to_matrix, rotvec_to_quat
-from schuler.earth import moved, radii
 from schuler.errors import InputError
 from schuler.ins import EpochStates, ErrorStateFilter, Measurement
-from schuler.ins.frames import east_angle
 from schuler.kernels.states import ErrorStates
 from schuler.navigation.aid_estimates import WITHHELD, estimate_rows, estimates, levers
+from schuler.navigation.aided_paths import (
+    error_variances,
+    in_level_axes,
+    path_in_level_axes,
+    smoothed_path,
+)
 from schuler.navigation.lever import at_lever, rates
-from schuler.navigation.outages import Outages, OutageScore
+from schuler.navigation.outage_scores import outage_scores
+from schuler.navigation.outages import Outages
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
 from schuler.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from schuler.ins import Smoothed
+    pass
 
 __all__ = ["AidedNavigation", "finished"]
 
@@ -114,7 +118,7 @@ class AidedNavigation(Result):
         time, at = s.time[rows], self.path.time
         known = self.path.known("variances")
         variances = np.column_stack([np.interp(time, at, column) for column in known.T])
-        return _path(
+        return path_in_level_axes(
             time, s.quat_nb[rows], s.v_n[rows], s.quat_ne[rows], s.height[rows], variances, None,
             record.name,
         )  # fmt: skip
@@ -226,16 +230,16 @@ def finished(
     `delays` were taken off the times of fixes by the aid's name: estimates are what is left.
     """
     history = flt.history()
-    forward = _path(
+    forward = path_in_level_axes(
         history.time, history.quat_nb, history.v_n, history.quat_ne, history.height,
-        _variances(flt, lambda name: history.sigma(name) ** 2), None, record.name,
+        error_variances(flt, lambda name: history.sigma(name) ** 2), None, record.name,
         flt.covariance[: ErrorStates.size, : ErrorStates.size],
     )  # fmt: skip
     path, smoothed, covariances = forward, None, None
     if flt.smooths:
         smoothed = flt.smoothed()
-        path = _smoothed_path(flt, smoothed, record.name)
-        covariances = _in_level_axes(smoothed.covariance[1:, :9, :9], history.quat_ne)
+        path = smoothed_path(flt, smoothed, record.name)
+        covariances = in_level_axes(smoothed.covariance[1:, :9, :9], history.quat_ne)
     innovations = {}
     counts: dict[str, int] = {}
     refused: dict[str, int] = {}
@@ -250,7 +254,7 @@ def finished(
         refused[name] = int(np.sum(each[3] == 0.0))
     score = None
     if withheld is not None and outages is not None:
-        score = _scores(
+        score = outage_scores(
             outages,
             withheld,
             innovations[WITHHELD],
@@ -270,122 +274,6 @@ def finished(
         tuple(warnings), tuple(contradictions), gaps, spec,
         EpochStates.of(flt, record.start, smoothed), covariances, levers(flt, measured),
     )  # fmt: skip
-
-
-def _in_level_axes(covariances: Array, quat_ne: Array) -> Array:
-    """Return covariances (n, 9, 9) of the wander frame in East-North-Up."""
-    _, _, angle = east_angle(quat_ne)
-    c, s = np.cos(angle), np.sin(angle)
-    turn = np.tile(np.eye(9), (len(angle), 1, 1))
-    for k in (0, 3, 6):
-        turn[:, k, k], turn[:, k, k + 1], turn[:, k + 1, k], turn[:, k + 1, k + 1] = c, s, -s, c
-    return np.asarray(turn @ covariances @ turn.transpose(0, 2, 1))
-
-
-def _turned(vector: Array, angle: Array) -> Array:
-    """Return vectors of the wander frame in East-North-Up."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.column_stack([
-        c * vector[:, 0] + s * vector[:, 1], -s * vector[:, 0] + c * vector[:, 1], vector[:, 2]
-    ])  # fmt: skip
-
-
-def _path(
-    time: Array, quat: Array, v: Array, quat_ne: Array, height: Array, variances: Array,
-    off: Array | None, name: str, covariance: Array | None = None,
-) -> Trajectory:  # fmt: skip
-    """Return a trajectory of what a filter had in its wander frame, less an error of position.
-
-    `covariance` is that of the error states at the end, in that frame.
-    """
-    lat, lon, angle = east_angle(quat_ne)
-    turn = np.zeros((len(time), 3))
-    turn[:, 2] = -angle
-    quat_nb = multiply(rotvec_to_quat(turn), quat)
-    if off is not None:
-        lat, lon, height = moved(lat, lon, height, -_turned(off, angle))
-    lon = (lon + np.pi) % (2.0 * np.pi) - np.pi
-    if covariance is not None:
-        c, s = np.cos(angle[-1]), np.sin(angle[-1])
-        turn = np.eye(len(covariance))
-        for k in (0, 3, 6):
-            turn[k : k + 2, k : k + 2] = [[c, s], [-s, c]]
-        covariance = turn @ covariance @ turn.T
-    return Trajectory(
-        time, lat, lon, height, _turned(v, angle), quat_nb, variances, covariance, name=name
-    )
-
-
-def _variances(flt: ErrorStateFilter, of: Any) -> Array:
-    """Return the variances of the error states (n, 15) that a trajectory has."""
-    out = ErrorStates.size
-    groups = ("phi", "velocity", "position", "gyro_bias", "accelerometer_bias")
-    table = np.column_stack([of(name) for name in groups])
-    assert table.shape[1] == out
-    return table
-
-
-def _smoothed_path(flt: ErrorStateFilter, smoothed: Smoothed, name: str) -> Trajectory:
-    history = smoothed.history
-    quat, v = smoothed.quat_nb[1:], smoothed.v_n[1:]
-    off = smoothed.error[1:, flt.layout["position"]]
-    variances = _variances(flt, lambda group: smoothed.sigma(group)[1:] ** 2)
-    # At the end the smoother knows what the filter does.
-    covariance = flt.covariance[: ErrorStates.size, : ErrorStates.size]
-    return _path(
-        history.time, quat, v, history.quat_ne, history.height, variances, off, name, covariance
-    )
-
-
-def _scores(
-    outages: Outages, withheld: GnssFixes, taken: tuple[Array, Array, Array, Array],
-    flt: ErrorStateFilter, smoothed: Smoothed | None, forward_path: Trajectory,
-    path: Trajectory, record: ImuRecord, delay: float,
-) -> dict[str, Any]:  # fmt: skip
-    stamp = taken[0] + delay
-    k = np.searchsorted(path.time, taken[0] - 1e-9)
-    k = np.minimum(k, len(path) - 1)
-    index = np.searchsorted(np.asarray(withheld.time), stamp - 1e-6)
-    noise = np.asarray(withheld.sigma)[index] ** 2
-    spans = outages.spans(record.start, float(np.asarray(withheld.time)[-1]) + 1e-6)
-    variance = forward_path.known("variances")[k, 6:9] + noise
-    forward = OutageScore.of(stamp, taken[1], variance, spans)
-    out: dict[str, Any] = {
-        "length_s": outages.length, "count": len(forward.horizontal), "forward": forward.to_dict(),
-        "smoothed": None,
-    }  # fmt: skip
-    if smoothed is None:
-        return out
-    lat, lon, height = (np.asarray(x)[index] for x in (withheld.lat, withheld.lon, withheld.height))
-    meridian, transverse = radii(lat)
-    lever = np.asarray(withheld.lever, np.float64)
-    name = f"{withheld.name}.lever"
-    lever_now = np.broadcast_to(lever, (len(k), 3))
-    if name in flt.layout:
-        lever_now = _smoothed_values(flt, smoothed, name, lever)[k]
-    name = f"{withheld.name}.delay"
-    delay_now = np.zeros(len(k))
-    if name in flt.layout:
-        delay_now = _smoothed_values(flt, smoothed, name, np.zeros(1))[k, 0]
-    assert path.v_n is not None
-    assert path.quat_nb is not None
-    antenna = np.einsum("iab,ib->ia", quat_to_matrix(path.quat_nb[k]), lever_now)
-    antenna -= path.v_n[k] * delay_now[:, None]
-    error = np.column_stack([
-        ((path.lon[k] - lon + np.pi) % (2.0 * np.pi) - np.pi) * (transverse + height) * np.cos(lat),
-        (path.lat[k] - lat) * (meridian + height), path.height[k] - height,
-    ]) + antenna  # fmt: skip
-    out["smoothed"] = OutageScore.of(
-        stamp, error, path.known("variances")[k, 6:9] + noise, spans
-    ).to_dict()
-    return out
-
-
-def _smoothed_values(flt: ErrorStateFilter, smoothed: Smoothed, group: str, given: Array) -> Array:
-    """Return smoothed values of a group at each epoch; states are what is added to the given."""
-    sign = -1.0 if float(flt.layout.sign[flt.layout[group]][0]) < 0.0 else 1.0
-    found = smoothed.history[group] + sign * smoothed.error[1:, flt.layout[group]]
-    return np.asarray(given + found)
 
 
 def _gaps(times: Array, record: ImuRecord) -> tuple[tuple[float, float], ...]:

@@ -33,7 +33,7 @@ from schuler.ins import (
 from schuler.navigation.aid_estimates import WITHHELD
 from schuler.navigation.aiding_options import AidingOptions
 from schuler.navigation.motion_start import motion_start
-from schuler.navigation.navigator import Start
+from schuler.navigation.start import Start
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
 

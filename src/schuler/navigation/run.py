@@ -17,9 +17,10 @@ from schuler.navigation.aid_measurements import AIDS, Aid
 from schuler.navigation.aided import navigate_aided
 from schuler.navigation.aided_result import AidedNavigation
 from schuler.navigation.aiding_options import AidingOptions
-from schuler.navigation.navigator import Fix, MovingFix, Navigator, Start
+from schuler.navigation.navigator import Navigator
 from schuler.navigation.options import Gravity, Vertical
 from schuler.navigation.outages import Outages
+from schuler.navigation.start import Fix, MovingFix, Start
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec, SensorArray, load_spec
 from schuler.trajectory import Trajectory

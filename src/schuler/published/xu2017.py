@@ -23,7 +23,8 @@ from schuler.centrifuge import (
     scheme_information,
     simulate_platform,
 )
-from schuler.centrifuge.plant import ORDERS, coefficient_names, coefficient_units
+from schuler.centrifuge.coefficients import coefficient_names, coefficient_units
+from schuler.centrifuge.plant import ORDERS
 from schuler.published.result import (
     Curve,
     Experiment,

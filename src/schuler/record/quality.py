@@ -19,6 +19,15 @@ _TIMES = {2: "twice", 3: "three times", 4: "four times", 5: "five times", 6: "si
 _LEAST_RUNS = 20
 """Runs of equal values that show a hold."""
 
+_FEW_LOST = 1e-3
+"""Share of the rows whose loss costs nothing."""
+
+_LONG_GAP = 8.5
+"""Nominal intervals that are filled by interpolation of the values."""
+
+_JITTER = 0.05
+"""Of the time stamps (rms), over the nominal interval, from which on it is said."""
+
 CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
 
 
@@ -117,6 +126,23 @@ class Quality:
             hold_accel=holds[1],
         )
 
+    @property
+    def sampling_faults(self) -> bool:
+        """Whether what was made of the rows has errors that no specification of a sensor holds.
+
+        So it is where more than one row in a thousand was lost or replaced, or more than a few at
+        once; where values are held or cut off; and where the times of the samples are unsure.
+        """
+        missing = self.gaps + len(self.spikes) + self.not_finite
+        return bool(
+            missing > _FEW_LOST * self.rows
+            or self.longest_gap > _LONG_GAP * self.nominal_dt
+            or self.jitter_rms > _JITTER * self.nominal_dt
+            or max(self.hold_gyro, self.hold_accel) > 1.0
+            or self.saturated
+            or self.stuck
+        )
+
     def warnings(self) -> list[str]:
         """Say in plain sentences what a user should know before trusting the record."""
         found = []
@@ -134,7 +160,7 @@ class Quality:
                 f"{self.gaps} gap(s) bridged by interpolation, the first after "
                 f"t = {_instant(self.first_gap_time)} s, the longest {self.longest_gap:.4g} s"
             )
-        if self.jitter_rms > 0.05 * self.nominal_dt:
+        if self.jitter_rms > _JITTER * self.nominal_dt:
             found.append(
                 f"the time stamps jitter by {self.jitter_rms * 1e3:.3g} ms rms around "
                 f"{self.nominal_dt * 1e3:.6g} ms; if the instrument's clock is steady, give its "

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from schuler.sensors.array import ARRAYS, AxesFit, SensorArray, fit_axes, load_array, named_array
+from schuler.sensors.array import SensorArray
 from schuler.sensors.assumed import CONSUMER_MEMS
+from schuler.sensors.axes_fit import AxesFit, fit_axes
 from schuler.sensors.design import Mounting, design_array
 from schuler.sensors.draw import Imperfections, draw
 from schuler.sensors.errors import GRADES, AccelerometerSpec, GyroSpec, ImuSpec, load_spec
+from schuler.sensors.fault_monitor import FaultMonitor, Verdict
 from schuler.sensors.fault_scan import FaultEvent, FaultScan, scan_faults
-from schuler.sensors.faults import (
-    Blame,
-    Fault,
-    FaultMonitor,
-    ParityTest,
-    Verdict,
-    blame_by_rate,
-    isolable,
-    parity_matrix,
-)
+from schuler.sensors.faults import Blame, Fault, blame_by_rate
 from schuler.sensors.figures import ArrayFigures
+from schuler.sensors.named_arrays import ARRAYS, load_array, named_array
+from schuler.sensors.parity import ParityTest, isolable, parity_matrix
 from schuler.sensors.reliability import Lifetime, Reliability
 
 __all__ = [

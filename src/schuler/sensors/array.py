@@ -6,9 +6,8 @@ the variances is least where H^T H = (n/3) I, and then it does not depend on the
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ from schuler._files import check_keys, read_toml
 from schuler.errors import InputError
 from schuler.record import ImuRecord
 
-__all__ = ["ARRAYS", "AxesFit", "SensorArray", "fit_axes", "load_array", "named_array"]
+__all__ = ["SensorArray"]
 
 Array = NDArray[np.float64]
 
@@ -293,130 +292,3 @@ class SensorArray:
             None if "bias_deg_h" not in parts else DEG_PER_HOUR * parts["bias_deg_h"],
             None if "scale_ppm" not in parts else 1e-6 * parts["scale_ppm"],
         )
-
-
-def _cone(n: int, half: float | None = None, first: float = 0.0) -> Array:
-    """Return n axes on a cone about up; the half-angle atan(sqrt 2) makes it optimal."""
-    a = np.arctan(np.sqrt(2.0)) if half is None else half
-    az = first + 2.0 * np.pi * np.arange(n) / n
-    return np.column_stack([np.sin(a) * np.cos(az), np.sin(a) * np.sin(az), np.full(n, np.cos(a))])
-
-
-def _dodecahedron() -> Array:
-    """Return the six face normals of a dodecahedron, one of each pair."""
-    p = 0.5 * (1.0 + np.sqrt(5.0))
-    rows = [(1, p, 0), (-1, p, 0), (0, 1, p), (0, -1, p), (p, 0, 1), (p, 0, -1)]
-    return np.asarray(np.array(rows, np.float64) / np.hypot(1.0, p))
-
-
-_THIRD = 1.0 / np.sqrt(3.0)
-_FIXED: dict[str, Any] = {
-    "triad": lambda: np.eye(3),
-    "triad-plus-one": lambda: np.vstack([np.eye(3), [0.0, 0.0, 1.0]]),
-    "symmetric4": lambda: _THIRD * np.array([[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]]),
-    "tetrahedron": lambda: _THIRD * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]),
-    "skewed4": lambda: np.vstack([np.eye(3), [_THIRD] * 3]),
-    "dodecahedron": _dodecahedron,
-}
-
-#: name -> what it is
-ARRAYS = {
-    "triad": "three orthogonal axes",
-    "triad-plus-one": "three orthogonal axes, z twice",
-    "symmetric4": "four axes along the diagonals above the level plane",
-    "cone4": "four axes on a cone of 54.74 deg, at 0, 90, 180, 270 deg; cone5, cone6 ... likewise",
-    "tetrahedron": "four axes to the corners of a tetrahedron",
-    "skewed4": "three orthogonal axes and one along their diagonal",
-    "dodecahedron": "six axes through the faces of a dodecahedron",
-}
-
-
-def named_array(name: str) -> SensorArray:
-    """Return an array by its name in `ARRAYS`, or ``coneN``.
-
-    Raises
-    ------
-    InputError
-        For another name.
-    """
-    if name in _FIXED:
-        return SensorArray(_FIXED[name](), name)
-    cone = re.fullmatch(r"cone(\d+)", name)
-    if cone and 3 <= int(cone[1]) <= 64:
-        return SensorArray(_cone(int(cone[1])), name)
-    raise InputError(f"'{name}' is no array; there are {', '.join(ARRAYS)} and coneN")
-
-
-def load_array(array: str | Path | SensorArray) -> SensorArray:
-    """Return an array by name, from a TOML file, or pass one through.
-
-    Raises
-    ------
-    InputError
-        If it is neither.
-    """
-    if isinstance(array, SensorArray):
-        return array
-    text = str(array)
-    return SensorArray.from_toml(text) if text.endswith(".toml") else named_array(text)
-
-
-@dataclass(frozen=True, eq=False)
-class AxesFit:
-    """An array's own axes, as calibrated.
-
-    Parameters
-    ----------
-    array : SensorArray
-        With unit directions, scale and bias found.
-    sigma : (n, 4) float64
-        1 sigma of the three components of (1 + scale) h and of the bias.
-    noise : (n,) float64
-        Standard deviation of what is left, per sample.
-    """
-
-    array: SensorArray
-    sigma: Array = field(repr=False)
-    noise: Array = field(repr=False)
-
-
-def fit_axes(truth: ArrayLike, measured: ArrayLike, dt: ArrayLike, name: str = "array") -> AxesFit:
-    """Calibrate directions, scale factors and biases from known motion, by least squares.
-
-    Parameters
-    ----------
-    truth : (k, 3) array_like
-        True increments of the body, as of a turntable, rad.
-    measured : (k, n) array_like
-        The sensors' increments, rad.
-    dt : (k,) array_like
-        Intervals, s.
-    name : str
-
-    Raises
-    ------
-    InputError
-        If the motion does not turn about all three axes.
-    """
-    t, m, h = (np.asarray(x, np.float64) for x in (truth, measured, dt))
-    if t.ndim != 2 or t.shape[1] != 3 or m.ndim != 2 or len(m) != len(t) or h.shape != (len(t),):
-        raise InputError(
-            f"expected truth (k, 3), measured (k, n) and dt (k,), got {t.shape}, {m.shape} and "
-            f"{h.shape}"
-        )
-    basis = np.column_stack([t, h])
-    size = np.linalg.norm(basis, axis=0)
-    if len(t) < 5 or np.any(size == 0) or np.linalg.cond(basis / size) > 1e6:
-        raise InputError(
-            "the motion does not tell directions and biases apart: turn about all three axes"
-        )
-    inverse = np.linalg.inv(basis.T @ basis)
-    found = m.T @ basis @ inverse
-    left = m - basis @ found.T
-    noise = np.sqrt(np.sum(left**2, axis=0) / (len(t) - 4))
-    gain = np.linalg.norm(found[:, :3], axis=1)
-    array = SensorArray(
-        found[:, :3] / gain[:, None], name, scale=gain - 1.0, bias=found[:, 3],
-        sigma=np.where(noise > 0, noise, 1.0),
-    )  # fmt: skip
-    return AxesFit(array, noise[:, None] * np.sqrt(np.diag(inverse)), noise)

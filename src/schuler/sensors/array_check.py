@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from schuler.constants import DEG_PER_HOUR, EARTH_RATE
 from schuler.errors import InputError
 from schuler.sensors.array import SensorArray
-from schuler.sensors.faults import parity_matrix
+from schuler.sensors.parity import parity_matrix
 
 __all__ = ["ArrayCheck", "ArrayVerdict"]
 

@@ -17,7 +17,8 @@ from schuler._result import Result
 from schuler.constants import DEG_PER_HOUR
 from schuler.errors import InputError
 from schuler.sensors.array import SensorArray
-from schuler.sensors.faults import FaultMonitor, ParityTest, Verdict, isolable, parity_matrix
+from schuler.sensors.fault_monitor import FaultMonitor, Verdict
+from schuler.sensors.parity import ParityTest, isolable, parity_matrix
 
 if TYPE_CHECKING:
     pass

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from schuler._result import Result, table_of_rows
-from schuler.sensors.array import SensorArray, named_array
-from schuler.sensors.faults import isolable
+from schuler.sensors.array import SensorArray
+from schuler.sensors.named_arrays import named_array
+from schuler.sensors.parity import isolable
 from schuler.sensors.reliability import Reliability
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import pytest
 from schuler.alignment import limit, limit_on, planned_fixes, record_on
 from schuler.errors import InputError
 from schuler.navigation import navigate
-from schuler.navigation.navigator import Start
+from schuler.navigation.start import Start
 from schuler.sensors import GRADES
 from tests.alignment.moving.routes import ROUTES, SITE, body_speed, fixes, truth_of
 from tests.in_motion.test_coarse import simulated

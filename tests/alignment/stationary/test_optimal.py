@@ -127,7 +127,7 @@ def test_without_a_specification_it_says_what_it_can():
     bare = align(record, SITE, "optimal")
     assert abs(bare.heading_deg - fix.heading_deg) * 60 < 4 * bare.sigma_arcmin[2]
     assert bare.gyro_bias is None
-    assert set(bare.budget) == {"disturbance"}
+    assert set(bare.budget) == {"disturbance", "gyro_bias"}
     assert abs(phi[2]) < 4 * np.sqrt(fix.covariance[2, 2])
 
 

@@ -12,6 +12,11 @@ How steeply the powers rise towards the low modes is poorly known from one recor
 best fit is taken: the covariance is the posterior mean over a grid of (d, c, b, a), log-uniform,
 with no steep part beyond the level at which it alone would make the lowest modes. On the real
 record of the benchmark this gives normalised errors of rms about one, window by window.
+
+With a specification the steep shapes are held tighter. A white rate is the noise of the gyros and
+nothing else, as gyros follow whatever a base turns: it is left to the specification. A white force
+would carry a standing base away: it is allowed to make a third of the lowest modes, in case that
+the accelerometers are noisier than they are said to be.
 """
 
 from __future__ import annotations
@@ -52,10 +57,38 @@ LOWEST = 6
 _OUTLIER = 16.27
 """Chi-square of three degrees of freedom that one in a thousand exceeds."""
 
-_GRID = tuple(
-    np.logspace(low, high, 9)
-    for low, high in ((-3.0, 0.4), (-3.0, 0.4), (-4.0, 0.05), (-6.0, -0.15))
-)
+
+@dataclass(frozen=True, eq=False)
+class _LevelPrior:
+    """Levels of a shape that are tried, over the level at which it alone makes the powers.
+
+    Parameters
+    ----------
+    tried : (n,) float64
+    lowest : bool
+        Whether it is to make the lowest modes alone, as a steep one does, or all.
+    """
+
+    tried: Array
+    lowest: bool
+
+    def levels(self, share: Array, shape: Array) -> Array:
+        """Return the levels to try for the powers of one axis, (n,)."""
+        few = LOWEST // 2 if self.lowest else len(share)
+        return np.asarray(np.mean(share[:few] / shape[:few]) * self.tried)
+
+
+_FLAT = _LevelPrior(np.logspace(-3.0, 0.4, 9), lowest=False)
+_STEEP = _LevelPrior(np.logspace(-4.0, 0.05, 9), lowest=True)
+_STEEPEST = _LevelPrior(np.logspace(-6.0, -0.15, 9), lowest=True)
+_STEEP_BESIDE_SPECIFIED = _LevelPrior(np.logspace(-4.0, -0.5, 9), lowest=True)
+
+_UNSPECIFIED = (_FLAT, _FLAT, _STEEP, _STEEPEST)
+"""Of white displacement, velocity, force and rate."""
+_SPECIFIED = (_FLAT, _FLAT, _STEEP_BESIDE_SPECIFIED)
+"""Of white displacement, velocity and force."""
+TURN_PRIORS = (_STEEP, _STEEPEST)
+"""Of a bounded turn and a wandering one (`angle_powers`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +254,9 @@ class Levels:
     likely: Array
 
 
-def posterior(power: Array, shapes: Array, known: Array, freedom: int = 1) -> Levels:
+def posterior(
+    power: Array, shapes: Array, known: Array, priors: tuple[_LevelPrior, ...], freedom: int = 1
+) -> Levels:
     """Return the levels of shapes whose sum with `known` makes the powers.
 
     Half of the prior says that there is nothing but what is known; the other half is spread
@@ -232,20 +267,19 @@ def posterior(power: Array, shapes: Array, known: Array, freedom: int = 1) -> Le
     power : (k,) float64
         Power of each mode, the sum of `freedom` independent squares.
     shapes : (s, k) float64
-        What a unit of each level makes of one square; steepest last, s at most 4.
+        What a unit of each level makes of one square.
     known : (k,) float64
         What is there anyway.
+    priors : (s,) tuple
+        What is tried of each level.
     freedom : int
         Degrees of freedom of a power.
     """
     share = power / freedom
-    few = LOWEST // 2
-    scale = np.mean(share[:few] / shapes[:, :few], axis=1)
-    scale[:-2] = np.mean(share / shapes[:-2], axis=1)
+    axes = [prior.levels(share, shape) for prior, shape in zip(priors, shapes, strict=True)]
     nothing = np.zeros(len(shapes))
-    if not np.all(scale > 0):
+    if not all(np.all(axis > 0) for axis in axes):
         return Levels(nothing, nothing)
-    axes = (s * g for s, g in zip(scale, _GRID[-len(shapes) :], strict=True))
     grid = np.stack([a.ravel() for a in np.meshgrid(*axes)])
 
     def fit(level: Array) -> Array:
@@ -261,16 +295,45 @@ def posterior(power: Array, shapes: Array, known: Array, freedom: int = 1) -> Le
     return Levels(mean, nothing if odds > 1.0 else mean)
 
 
-def velocity_levels(found: tuple[Array, Array, Array] | None) -> Levels:
-    """Return the levels of white displacement, velocity, force and rate of `velocity_powers`."""
+def velocity_levels(found: tuple[Array, Array, Array] | None, specified: bool) -> Levels:
+    """Return the levels of white displacement, velocity, force and rate of `velocity_powers`.
+
+    Parameters
+    ----------
+    found : tuple, or None
+    specified : bool
+        Whether the instrument's noise is that of a specification, in samples as they came: what
+        is interpolated over lost samples has an error of its own.
+    """
+    if found is None:
+        return Levels(np.zeros(4), np.zeros(4))
+    power, shapes, known = found
     # East and north share a level: two degrees of freedom to a mode.
-    return Levels(np.zeros(4), np.zeros(4)) if found is None else posterior(*found, freedom=2)
+    levels = posterior(power, shapes, known, _UNSPECIFIED, freedom=2)
+    if not specified:
+        return levels
+    # Weights that are made for too steep a disturbance cost little, for too flat a one much.
+    few = len(_SPECIFIED)
+    held = posterior(power, shapes[:few], known, _SPECIFIED, freedom=2)
+    return Levels(np.append(held.mean, np.zeros(len(shapes) - few)), levels.likely)
 
 
-def disturbance_levels(res: Residual, gravity: float, spec: ImuSpec | None) -> Levels:
-    """Return the levels of white displacement, velocity, force and rate in a residual."""
+def disturbance_levels(
+    res: Residual, gravity: float, spec: ImuSpec | None, sampling_faults: bool
+) -> Levels:
+    """Return the levels of white displacement, velocity, force and rate in a residual.
+
+    Parameters
+    ----------
+    res : Residual
+    gravity : float
+        m/s^2.
+    spec : ImuSpec or None
+    sampling_faults : bool
+        Of the history (`History.sampling_faults`).
+    """
     found = velocity_powers(res.mean[:, :2], res.dt, res.interval, gravity, spec)
-    return velocity_levels(found)
+    return velocity_levels(found, spec is not None and not sampling_faults)
 
 
 def angle_powers(angle: Array, dt: Array, noise: Array) -> tuple[Array, Array, Array]:

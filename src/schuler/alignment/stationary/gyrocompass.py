@@ -17,7 +17,8 @@ from schuler.alignment.intervals import Intervals
 from schuler.alignment.methods import Gyrocompass
 from schuler.alignment.stationary.disturbance import disturbance_levels, residual
 from schuler.alignment.stationary.inertial import solve
-from schuler.alignment.stationary.kalman import FilterHistory, KalmanResult, vehicle_motion
+from schuler.alignment.stationary.kalman import FilterHistory, KalmanResult
+from schuler.alignment.stationary.kalman_setting import vehicle_motion
 from schuler.attitude import nearest_quat, quat_to_matrix
 from schuler.constants import DEG
 from schuler.earth import Site
@@ -105,7 +106,7 @@ def compass_alignment(
         steps.dt, steps.dtheta, steps.dvel, intervals.inside, out,
     )  # fmt: skip
 
-    levels = disturbance_levels(residual(h, site), g, spec).mean
+    levels = disturbance_levels(residual(h, site), g, spec, h.sampling_faults).mean
     _, place, _ = vehicle_motion(h, r, site, 1.0)
     _, c, b, a = levels
     white = np.zeros(5)

@@ -24,6 +24,9 @@ _LARGEST_BASE_RATE = 1.0 * DEG_PER_HOUR
 _STILL = 0.9
 """Probability that a base does not turn, before the record is seen."""
 
+_SIZES = np.concatenate([[0.0], np.geomspace(0.5, 1000.0, 40)])
+"""Rates of the base that are tried, over the noise of what is seen of them."""
+
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
@@ -59,7 +62,7 @@ class NormalEquations:
         """
         free = prior_sigma > 0
         weight = np.where(np.isinf(prior_sigma), 0.0, 1.0 / np.where(free, prior_sigma, 1.0) ** 2)
-        a = (self.information + np.diag(weight))[np.ix_(free, free)]
+        a = (self.information + np.diag(weight))[free][:, free]
         seen = np.diag(a) > 0
         scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, np.diag(a), 1.0)), 0.0)
         inverse = np.linalg.pinv(a * np.outer(scale, scale), rcond=1e-13, hermitian=True)
@@ -80,20 +83,19 @@ class NormalEquations:
         prior_sigma : (n,) float64
             As in `solve`; those of the unknowns themselves are not used.
         """
-        kept = np.arange(len(prior_sigma))[columns]
         free = prior_sigma > 0
-        free[kept] = False
+        free[columns] = False
         # No unknown is quite free: a weak prior keeps the digits of the elimination.
         weak = np.full(len(prior_sigma), 1.0)
         weak[9:11], weak[self.BASE_RATE] = 100.0, 1e-3
         sigma = np.minimum(np.where(free, prior_sigma, 1.0), weak)
-        rest = (self.information + np.diag(1.0 / sigma**2))[np.ix_(free, free)]
+        rest = (self.information + np.diag(1.0 / sigma**2))[free][:, free]
         scale = 1.0 / np.sqrt(np.diag(rest))
-        across = self.information[np.ix_(free, kept)] * scale[:, None]
+        across = self.information[free, columns] * scale[:, None]
         both = np.column_stack([across, scale * self.right[free]])
         solved = np.linalg.solve(rest * np.outer(scale, scale), both)
-        information = self.information[np.ix_(kept, kept)] - across.T @ solved[:, :-1]
-        right = self.right[kept] - across.T @ solved[:, -1]
+        information = self.information[columns, columns] - across.T @ solved[:, :-1]
+        right = self.right[columns] - across.T @ solved[:, -1]
         return 0.5 * (information + information.T), right
 
     def priors(self, gyro: float, accel: float, base_rate: tuple[float, float, float]) -> Array:
@@ -129,7 +131,7 @@ class NormalEquations:
         if not np.all(np.diag(noise) > 0):
             return 0.0, 1.0
         unit = float(np.sqrt(np.diag(noise).mean()))
-        sizes = np.concatenate([[0.0], np.geomspace(0.5, 1000.0, 40) * unit])
+        sizes = _SIZES * unit
         # Determinant and inverse of noise + size^2 I, written out.
         a, d, b = noise[0, 0] + sizes**2, noise[1, 1] + sizes**2, noise[0, 1]
         size_of = a * d - b * b

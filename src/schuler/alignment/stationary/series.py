@@ -13,7 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.history import History, Rows, gravity_direction
-from schuler.alignment.stationary.disturbance import Levels, angle_powers, posterior
+from schuler.alignment.stationary.disturbance import (
+    TURN_PRIORS,
+    Levels,
+    angle_powers,
+    posterior,
+)
 from schuler.alignment.stationary.uncertainty import part_covariance
 from schuler.attitude import multiply, nearest_quat, quat_to_rotvec, skew
 from schuler.constants import DEG, MICRO_G
@@ -191,7 +196,7 @@ def make_series(
     for axis in range(3) if steady else ():
         parts = [angle_powers(turns[i:j, axis], dt[i:j], gyro[i:j, i:j]) for i, j in steady]
         power, shapes, known = (np.concatenate(x, axis=-1) for x in zip(*parts, strict=True))
-        level = posterior(power, shapes, known)
+        level = posterior(power, shapes, known, TURN_PRIORS)
         levels_of_sway[axis] = level.mean
         for k, (white, walking) in enumerate((level.likely, level.mean)):
             sway[k, axis] = np.diag(white / dt) + walking * wander

@@ -13,8 +13,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.alignment.moving.align import mean_square
 from schuler.alignment.moving.fine import FineAlignment, iterate
+from schuler.alignment.moving.prepared import mean_square
 from schuler.alignment.moving.setup import Nominal
 from schuler.alignment.transfer.master import MasterNoise, state_at
 from schuler.alignment.transfer.setup import Matching

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.aiding import no_overlap
-from schuler.alignment.moving.align import track_history
+from schuler.alignment.history import History
 from schuler.alignment.moving.fine import FineState
 from schuler.alignment.moving.span import cut_span
 from schuler.alignment.transfer.coarse import coarse_mounting
@@ -305,7 +305,7 @@ def _result(
         covariance=phi, budget=budget, bound=bound, warnings=tuple(warnings), spec=matching.spec,
         orthonormality=None, gyro_bias=state.parameters["gyro_bias"],
         accel_bias=state.parameters["accelerometer_bias"],
-        bias_covariance=state.covariance[np.ix_(pick, pick)], history=track_history(record),
+        bias_covariance=state.covariance[np.ix_(pick, pick)], history=History.of_record(record),
         summary=summariser.summary(),
         inputs={"record": record.name, "master": matching.master.name},
         state=state, coarse=None, measured=found.measured, used=used, refused=refused,
