@@ -64,6 +64,7 @@ validate: $(VENV)/.with-dev
 	$(BIN)/python -m tests.prefilter.lowpass_table
 	$(BIN)/python -m tests.prefilter.velocity_table
 	$(BIN)/python -m tests.prefilter.blocks_table
+	$(BIN)/python -m tests.published.conditions_check
 	$(BIN)/python -m tests.navigation.aided_table
 	$(BIN)/python -m tests.aiding.rest_table
 	$(BIN)/python -m tests.alignment.moving.figures_table

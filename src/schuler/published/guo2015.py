@@ -70,10 +70,9 @@ class _Case:
 
     @classmethod
     @cache
-    def of(cls, number: int, noise: str) -> _Case:
-        """Make the case of a number, with its noise."""
-        case = conditions("guo2015")  # the table's columns cannot be changed, nor its step
-        table, step = case["case"][number], float(case["simulation"]["step"])
+    def of(cls, number: int, noise: str, step: float) -> _Case:
+        """Make the case of a number, with its noise, for samples of a step, s."""
+        table = conditions("guo2015")["case"][number]  # the table's columns cannot be changed
         more = 1.0 if noise == "per sample" else step**-0.5
         return cls(
             MICRO_G * np.array(table["accel_bias_ug"]),
@@ -143,36 +142,38 @@ def fitted_conditions() -> dict[str, Any]:
 
 
 def _where(changes: Changes) -> dict[str, Any]:
-    """Return the latitude and the attitude of the simulation: the fit's, or those that are set."""
-    return {**fitted_conditions(), **conditions("guo2015", changes).get("site", {})}
+    """Return what is simulated: latitude and attitude of the fit or as set, step and lengths."""
+    case = conditions("guo2015", changes)
+    return {**fitted_conditions(), **case.get("site", {}), **case["simulation"]}
 
 
 @cache
-def _still(span: str, lat: float, euler_deg: tuple[float, ...]) -> tuple[Simulation, Site]:
-    """Return an error-free record of a length of Table 1."""
-    case = conditions("guo2015")
+def _still(
+    length: float, step: float, lat: float, euler_deg: tuple[float, ...]
+) -> tuple[Simulation, Site]:
+    """Return an error-free record of Table 1."""
     psi, pitch, roll = euler_deg
-    site, step = Site(lat), case["simulation"]["step"]
-    motion = Static(-psi, pitch, roll)
-    return simulate(motion, site, case["simulation"][span], 1.0 / step), site
+    site = Site(lat)
+    return simulate(Static(-psi, pitch, roll), site, length, 1.0 / step), site
 
 
 def _record(span: str, where: dict[str, Any]) -> tuple[Simulation, Site]:
-    return _still(span, where["lat"], tuple(where["euler_deg"]))
+    return _still(where[span], where["step"], where["lat"], tuple(where["euler_deg"]))
 
 
 def _block(
     number: int, first: int, last: int, runs: int, seed: int, changes: Changes
 ) -> dict[Any, Array]:
     """Return phi in i0, arcmin, of runs `first` to `last` of a case by every reading."""
-    long, site = _record("long", _where(changes))
+    where = _where(changes)
+    long, site = _record("long", where)
     truth = quat_to_matrix(long.truth.known("quat_nb")[0])
     start = inertial_to_local(0.0, site.latitude)
     true = start.T @ truth
     settings = conditions("guo2015", changes)
     duration = {span: settings["simulation"][span] for span in ("short", "long")}
     every = max(1, runs // settings["best_runs"])
-    cases = {noise: _Case.of(number, noise) for noise in NOISES}
+    cases = {noise: _Case.of(number, noise, where["step"]) for noise in NOISES}
     out: dict[Any, list[Array]] = {}
     for k in range(first, last):
         rng = np.random.default_rng([seed, 2015, number, k])
@@ -196,7 +197,7 @@ def _block(
 
 def _theory(where: dict[str, Any], number: int, span_sum: float = 0.0) -> Array:
     """Return equations 36 to 38 under printed or recovered conditions, arcmin."""
-    site, case = Site(where["lat"]), _Case.of(number, "per sample")
+    site, case = Site(where["lat"]), _Case.of(number, "per sample", 1.0)
     quat = euler_to_quat(np.array(where["euler_deg"]) * DEG)
     # The document's micro-g is a millionth of the local gravity.
     nabla = case.nabla * site.gravity / (1e6 * MICRO_G)
@@ -205,7 +206,7 @@ def _theory(where: dict[str, Any], number: int, span_sum: float = 0.0) -> Array:
 
 def _limit(number: int, noise: str, span: str, where: dict[str, Any]) -> Array:
     """Return the limit of the spread about the biases' error in i0, arcmin."""
-    case, (made, site) = _Case.of(number, noise), _record(span, where)
+    case, (made, site) = _Case.of(number, noise, where["step"]), _record(span, where)
     bound = limit(case.spec(), site, made.record.duration, case.step)
     start = inertial_to_local(0.0, site.latitude)
     return np.asarray(np.sqrt(np.diag(start.T @ bound @ start)) / ARCMIN)
@@ -238,6 +239,8 @@ def run(options: Options) -> Experiment:
     case, where = conditions("guo2015", options.changes), _where(options.changes)
     if len(where["euler_deg"]) != 3:
         raise InputError("guo2015: site.euler_deg has three angles: psi, theta, gamma")
+    if not case["simulation"]["short"] <= case["simulation"]["long"]:
+        raise InputError("guo2015: simulation.short must be no longer than simulation.long")
     _record("long", where)
     table, runs = case["case"], options.runs or case["runs"]
     gate_runs = min(runs, case["gate_runs"])
