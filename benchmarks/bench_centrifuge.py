@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from schuler.centrifuge import PUBLISHED_POSITIONS, Ekf, Plant, fit_platform, published_truth
-from schuler.centrifuge.filter import prior_sigma, simulate_platform
+from schuler.centrifuge.filter import prior_sigma
 from schuler.centrifuge.information import Tables, direct_information
+from schuler.centrifuge.simulate import simulate_platform
 from schuler.kernels.centrifuge import FIRST, SECOND, SIGN, TERM
 from schuler.kernels.gimbals import platform_matrix
 from schuler.kernels.scheme import scheme_values

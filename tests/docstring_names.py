@@ -26,6 +26,26 @@ heading = 30
 shake_mm = 2
 """
 
+ROTATION = """array = "triad"
+duration = "1 h"
+heading = 0.0
+headings = [0.0]
+latitudes = [45.0]
+
+[site]
+lat = 45.0
+lon = 0.0
+
+[errors]
+gyro_bias = ["0.01 deg/h", "0.01 deg/h", "0.01 deg/h"]
+
+[single_axis]
+scheme = "four-position"
+
+[two_axis]
+scheme = "two-axis-16"
+"""
+
 
 @cache
 def _made() -> dict[str, Any]:
@@ -42,7 +62,10 @@ def _made() -> dict[str, Any]:
     )  # fmt: skip
     return {
         "np": np, "sc": sc, "site": site, "spec": spec, "made": made, "record": made.record,
+        "fix": sc.align(made.record, site, spec=spec),
+        "noise_fit": sc.fit_noise(sc.allan(made.record)),
         "drive": drove.record, "driven": truth, "gnss": gnss,
+        "aided": sc.navigate(drove.record, aiding=[gnss], spec=spec, smooth=True),
     }  # fmt: skip
 
 
@@ -62,4 +85,6 @@ def namespace() -> dict[str, Any]:
     sc.write_trajectory(path, "path.csv")
     with open("truck.toml", "w", encoding="utf-8") as file:
         file.write(SCENE)
+    with open("rotation.toml", "w", encoding="utf-8") as file:
+        file.write(ROTATION)
     return names

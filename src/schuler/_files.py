@@ -30,7 +30,7 @@ __all__ = [
 _STANDARD_OUTPUT = "-"
 _counter = itertools.count()
 
-#: a name of fixed length, so that a long file name leaves room for it
+#: a name of fixed length, short beside the longest file name
 _PART = re.compile(r"^\.(?P<digest>[0-9a-f]{12})\.(?P<host>[0-9a-f]{8})-(?P<pid>\d+)-\d+\.part$")
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from schuler._notebook import Shown
-from schuler.errors import SchulerError
+from schuler.errors import installed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,7 +36,14 @@ class Result(Shown, ABC):
         """Return the result as plain values, the document that ``--json`` writes."""
 
     def to_json(self) -> str:
-        """Return the result as JSON text."""
+        """Return the result as JSON text.
+
+        Examples
+        --------
+        >>> import json
+        >>> json.loads(fix.to_json())["method"]["name"]
+        'optimal'
+        """
         return json.dumps(self.to_dict(), indent=2, allow_nan=False)
 
     def columns(self) -> dict[str, Any]:
@@ -55,12 +62,8 @@ class Result(Shown, ABC):
         SchulerError
             If pandas is not installed.
         """
-        try:
+        with installed("a DataFrame needs pandas", "pandas"):
             import pandas as pd
-        except ImportError:
-            raise SchulerError(
-                "a DataFrame needs pandas, which is not installed: pip install 'schuler[pandas]'"
-            ) from None
         return pd.DataFrame(self.columns())
 
     def figures(self) -> dict[str, Any]:
@@ -94,6 +97,10 @@ class Result(Shown, ABC):
             If there is no figure of that name.
         SchulerError
             If Matplotlib is not installed.
+
+        Examples
+        --------
+        >>> axes = fix.plot()
         """
         return _drawing("plot_of")(self, name, ax)
 
@@ -112,6 +119,12 @@ class Result(Shown, ABC):
             If the folder cannot be written, or for another kind.
         SchulerError
             If Matplotlib is not installed.
+
+        Examples
+        --------
+        >>> paths = fix.save_figures("figures")
+        >>> paths[0].suffix
+        '.svg'
         """
         written: list[Path] = _drawing("save_figures")(self, folder, kind)
         return written

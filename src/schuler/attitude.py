@@ -254,6 +254,11 @@ def heading_sigma(quat: ArrayLike, covariance: ArrayLike) -> float:
         quat_nb.
     covariance : (3, 3) array_like
         Of phi, rad^2, with C_est = (I - [phi x]) C_true.
+
+    Examples
+    --------
+    >>> round(heading_sigma([1.0, 0.0, 0.0, 0.0], np.diag([0.0, 0.0, 1e-6])), 6)
+    0.001
     """
     psi, theta, _ = quat_to_euler(quat)
     steep = np.tan(np.clip(theta, -1.5706, 1.5706))
@@ -296,6 +301,11 @@ def to_scipy(quat: ArrayLike) -> Rotation:
     ------
     InputError
         If the shape is wrong, or has more dimensions than this version of SciPy holds.
+
+    Examples
+    --------
+    >>> to_scipy([1.0, 0.0, 0.0, 0.0]).as_euler("xyz").tolist()
+    [0.0, 0.0, 0.0]
     """
     from scipy.spatial.transform import Rotation
 
@@ -312,5 +322,12 @@ def to_scipy(quat: ArrayLike) -> Rotation:
 
 
 def from_scipy(rotation: Rotation) -> Array:
-    """Return the quaternions (..., 4), scalar first and w >= 0, of a SciPy `Rotation`."""
+    """Return the quaternions (..., 4), scalar first and w >= 0, of a SciPy `Rotation`.
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import Rotation
+    >>> from_scipy(Rotation.from_euler("z", 90.0, degrees=True)).round(3).tolist()
+    [0.707, 0.0, 0.0, 0.707]
+    """
     return np.asarray(rotation.as_quat(canonical=True), np.float64)[..., [3, 0, 1, 2]]

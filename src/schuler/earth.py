@@ -52,7 +52,13 @@ def radii(lat: ArrayLike) -> tuple[Array, Array]:
 
 
 def geocentric(lat: ArrayLike, lon: ArrayLike, height: ArrayLike) -> Array:
-    """Return positions in the Earth's axes (..., 3), m, from latitude, longitude (rad), height."""
+    """Return positions in the Earth's axes (..., 3), m, from latitude, longitude (rad), height.
+
+    Examples
+    --------
+    >>> geocentric(0.0, 0.0, 100.0).tolist()
+    [6378237.0, 0.0, 0.0]
+    """
     lat, lon, height = (np.asarray(x, np.float64) for x in (lat, lon, height))
     transverse = radii(lat)[1]
     out = (transverse + height) * np.cos(lat)
@@ -99,6 +105,12 @@ def moved(
         rad and m.
     off_n : (..., 3) array_like
         m.
+
+    Examples
+    --------
+    >>> lat, lon, height = moved(0.8, 0.2, 0.0, [0.0, 1000.0, 0.0])
+    >>> round(float(lat - 0.8) * 6.37e6)
+    1000
     """
     lat, lon = np.asarray(lat, np.float64), np.asarray(lon, np.float64)
     sl, cl, so, co = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
@@ -162,6 +174,11 @@ def transport_rate(lat: ArrayLike, height: ArrayLike, ve: ArrayLike, vn: ArrayLi
     -------
     (..., 3) ndarray
         rad/s in ENU. Grows without bound towards the poles.
+
+    Examples
+    --------
+    >>> (1e6 * transport_rate(0.0, 0.0, 0.0, 10.0)).round(2).tolist()[0]
+    -1.58
     """
     from schuler.kernels.earth import transport_rate_many
 

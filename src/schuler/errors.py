@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from numbers import Real
 
-__all__ = ["InputError", "SchulerError", "expect", "near", "printable", "shown"]
+__all__ = [
+    "InputError", "SchulerError", "expect", "installed", "located", "near", "printable", "shown",
+]  # fmt: skip
 
 #: characters of a message; what a file brings into it has no end otherwise
 _LONGEST = 4000
@@ -15,6 +18,13 @@ class SchulerError(Exception):
     """Base of every error that schuler raises on purpose; the CLI prints it and exits with 2.
 
     Its text is `printable`, and loses its middle where a file has made it endless.
+
+    Examples
+    --------
+    >>> raise SchulerError("the folder cannot be written")
+    Traceback (most recent call last):
+        ...
+    schuler.errors.SchulerError: the folder cannot be written
     """
 
     def __init__(self, *args: object) -> None:
@@ -22,7 +32,15 @@ class SchulerError(Exception):
 
 
 class InputError(SchulerError, ValueError):
-    """Something that was given (a file, a value, an option) cannot be used as it is."""
+    """Something that was given (a file, a value, an option) cannot be used as it is.
+
+    Examples
+    --------
+    >>> sc.Site(lat=91.0)
+    Traceback (most recent call last):
+        ...
+    schuler.errors.InputError: latitude must be between -90 and 90 deg, got 91
+    """
 
 
 def expect(value: object, kind: type | tuple[type, ...], what: str, how: str = "") -> None:
@@ -55,6 +73,50 @@ def expect(value: object, kind: type | tuple[type, ...], what: str, how: str = "
     wanted = " or ".join("a number" if each is Real else each.__name__ for each in kinds)
     tail = f"; {how}" if how else ""
     raise InputError(f"{what}: expected {wanted}, got {type(value).__name__}{tail}")
+
+
+@contextmanager
+def located(place: object) -> Iterator[None]:
+    """Put a place, as a file or a row, before the text of an input error.
+
+    Examples
+    --------
+    >>> with located("truck.toml"):
+    ...     raise InputError("duration is missing")
+    Traceback (most recent call last):
+        ...
+    schuler.errors.InputError: truck.toml: duration is missing
+    """
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{place}: {error}") from None
+
+
+@contextmanager
+def installed(what: str, extra: str, kind: type[SchulerError] = SchulerError) -> Iterator[None]:
+    """Say how to install a library whose import fails.
+
+    Parameters
+    ----------
+    what : str
+        What needs which library, as ``reports need Plotly``.
+    extra : str
+        The extra of schuler that brings it.
+    kind : type of SchulerError
+
+    Examples
+    --------
+    >>> with installed("a table needs unobtainium", "tables"):
+    ...     import unobtainium
+    Traceback (most recent call last):
+        ...
+    schuler.errors.SchulerError: a table needs unobtainium, which is not installed: pip install ...
+    """
+    try:
+        yield
+    except ImportError:
+        raise kind(f"{what}, which is not installed: pip install 'schuler[{extra}]'") from None
 
 
 def near(text: str, known: Iterable[str]) -> str:

@@ -84,7 +84,13 @@ class Simulation:
         return Trajectory(time, lat, lon, self.position[:, 2], v_n, quat_nb, name="truth")
 
     def euler_at(self, row: int) -> Array:
-        """Return the true (psi, theta, gamma), rad, (3,), at a row (-1 is the end)."""
+        """Return the true (psi, theta, gamma), rad, (3,), at a row (-1 is the end).
+
+        Examples
+        --------
+        >>> np.degrees(made.euler_at(0)).round(3).tolist()[0]
+        -30.0
+        """
         k = row % len(self.v_n)
         return quat_to_euler(self.motion.track(np.array([self.step * k])).quat_nb[0])
 

@@ -96,7 +96,13 @@ class Trajectory(Result):
         )  # fmt: skip
 
     def joined(self, after: Trajectory, covariance: Array | None = None) -> Trajectory:
-        """Return these rows and others after them, which know the same; the covariance is new."""
+        """Return these rows and others after them, which know the same; the covariance is new.
+
+        Examples
+        --------
+        >>> len(driven.rows(slice(0, 10)).joined(driven.rows(slice(10, 30))))
+        30
+        """
 
         def both(one: Array | None, other: Array | None) -> Array | None:
             return None if one is None or other is None else np.concatenate([one, other])
@@ -125,6 +131,11 @@ class Trajectory(Result):
         ------
         InputError
             If the trajectory has none.
+
+        Examples
+        --------
+        >>> driven.known("v_n").shape
+        (1201, 3)
         """
         value: Array | None = getattr(self, name)
         if value is None:
@@ -139,7 +150,7 @@ class Trajectory(Result):
 
     @property
     def final(self) -> dict[str, Any]:
-        """The last row in the units that people speak; None for what is not known."""
+        """The last row in customary units; None for what is not known."""
         out: dict[str, Any] = {
             "time_s": float(self.time[-1]),
             "lat_deg": float(self.lat[-1] / DEG),

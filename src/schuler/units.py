@@ -159,7 +159,13 @@ def _lookup(unit: str, what: str, dimensions: tuple[str, ...] = ()) -> tuple[flo
 
 
 def known_unit(text: str) -> bool:
-    """Say whether a text is a unit of the table, in any of its spellings."""
+    """Say whether a text is a unit of the table, in any of its spellings.
+
+    Examples
+    --------
+    >>> known_unit("deg/h"), known_unit("furlong")
+    (True, False)
+    """
     return _normalise(text) in UNITS
 
 
@@ -170,6 +176,11 @@ def dimension_of(unit: str) -> str:
     ------
     InputError
         If the unit is not in the table.
+
+    Examples
+    --------
+    >>> dimension_of("deg/h")
+    'angular rate'
     """
     return _lookup(unit, "unit")[1]
 
@@ -228,6 +239,11 @@ def parse_factor(text: str, dimensions: tuple[str, ...], what: str) -> tuple[flo
     ------
     InputError
         If the unit is unknown, of none of the dimensions, or the number is zero.
+
+    Examples
+    --------
+    >>> parse_factor("km", ("length",), "height")
+    (1000.0, 'length')
     """
     match = _number(text, what)
     number, unit = match.groups() if match and match.group(2) else ("1", text.strip())
@@ -242,7 +258,13 @@ def parse_factor(text: str, dimensions: tuple[str, ...], what: str) -> tuple[flo
 
 
 def to_unit(value: float, unit: str) -> float:
-    """Express an SI value in a unit: ``to_unit(4.85e-8, "deg/h")`` is 0.01."""
+    """Express an SI value in a unit: ``to_unit(4.85e-8, "deg/h")`` is 0.01.
+
+    Examples
+    --------
+    >>> round(to_unit(4.848e-8, "deg/h"), 4)
+    0.01
+    """
     return value / _lookup(unit, "unit")[0]
 
 

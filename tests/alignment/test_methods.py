@@ -115,7 +115,7 @@ def own_methods(monkeypatch):
 
 def blocks(root):
     text = (root / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    return re.findall(r"<!-- test: .*? -->\n```python\n(.*?)```", text, re.S)
+    return re.findall(r"<!-- test: (?:src|a line)[^\n]* -->\n```python\n(.*?)```", text, re.S)
 
 
 def test_the_aligner_of_contributing_runs(root, own_methods, rng, tmp_path, monkeypatch):

@@ -139,7 +139,7 @@ def test_what_cannot_be_recognised_is_one_sentence():
         recognise([replace(record, dtheta=-record.dtheta)])
     with pytest.raises(InputError, match=r"dwell 1 \(.* s\): its force is 2\d deg from any known"):
         recognise([measured([(0.0, 22.0, 10.0), *attitudes[1:]])])
-    with pytest.raises(InputError, match="do not show axis"):
+    with pytest.raises(InputError, match="axis y is not observable"):
         calibrate_positions(
             [measured([attitudes[4], *attitudes[:2], attitudes[4], attitudes[0]])], SITE.gravity,
             positions=None,

@@ -178,7 +178,7 @@ def test_a_bad_file_is_one_sentence(tmp_path, text, says):
     [
         (lambda: scheme(7), "6, 12, 18 or 24"),
         (lambda: static_test(np.zeros((6, 3)), np.zeros((5, 3))), "one shape"),
-        (lambda: static_test(np.zeros((6, 3)), np.tile([0, 0, G], (6, 1))), "do not show"),
+        (lambda: static_test(np.zeros((6, 3)), np.tile([0, 0, G], (6, 1))), "is not observable"),
         (lambda: static_test(np.zeros((4, 3)), np.eye(4)[:, :3]), "five positions"),
         (lambda: static_test(np.full((6, 3), np.nan), scheme(6)), "finite"),
         (lambda: rate_test(np.zeros((6, 3)), np.ones(6), np.zeros((6, 3))), "must not be zero"),

@@ -85,7 +85,7 @@ def test_d_oo_shows_with_several_levels_of_force_and_not_with_one():
     one = scheme_information(plant, positions, 20.0)
     k = list(coefficient_names(True)).index("D_OOx")
     assert np.diag(np.linalg.pinv(one, hermitian=True))[k] >= 0.0
-    with pytest.raises(InputError, match="do not show D_"):
+    with pytest.raises(InputError, match="not observable in these measurements: D_"):
         judge(plant, positions, 20.0, information=one)
 
 
@@ -210,7 +210,7 @@ def test_the_force_is_the_simulated_centrifuge_s_but_for_the_printed_sign_of_gra
         (lambda: scheme_information(Plant(), [[1, np.nan, 2]], 2.0), "alpha, beta, gamma"),
         (lambda: scheme_information(Plant(), [[1, 0, 2]], 2.0, [1.0, 2.0]), "forces"),
         (lambda: direct_information(Plant(), [[1, 0, 2]], 2.0, 0.003), "whole number of steps"),
-        (lambda: judge(Plant(), [[1, 0, 2]], 20.0), "do not show"),
+        (lambda: judge(Plant(), [[1, 0, 2]], 20.0), "not observable"),
         (lambda: Objective("luck"), "unknown objective"),
         (lambda: Objective("a", (-1.0,)), "positive"),
         (lambda: judge(Plant(), PUBLISHED_POSITIONS, 20.0, Objective("a", (1.0,))), "expected 45"),

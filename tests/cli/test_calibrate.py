@@ -174,7 +174,7 @@ def test_poses_on_the_real_record(cli, data_dir, tmp_path):
     schema("calibrate-poses").validate(data)
     assert data["residual_rms_m_s2"] <= 1.05e-3
     assert Calibration.from_toml(tmp_path / "p.toml").input == "counts"
-    assert "What these poses do not show" in (tmp_path / "p.html").read_text(encoding="utf-8")
+    assert "Not observable from these poses" in (tmp_path / "p.html").read_text(encoding="utf-8")
 
 
 def test_poses_from_one_record(cli, tmp_path):

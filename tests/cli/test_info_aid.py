@@ -42,6 +42,23 @@ def test_fixes_in_text(run: Run, tmp_path: Path) -> None:
         assert words in ran.out, ran.out
 
 
+def test_pulses_are_counted_a_second(run: Run, tmp_path: Path, schema: dict[str, object]) -> None:
+    # 48 pulses a second, and 96 in the last: how long one is, no file says.
+    path = tmp_path / "wheel.csv"
+    counts = [*range(0, 481, 48), 576]
+    rows = "".join(f"{k},{count}\n" for k, count in enumerate(counts))
+    path.write_text(f"time,pulses\n{rows}", encoding="utf-8")
+    data = json.loads(run("info", path, "--json", "-").out)
+    jsonschema.Draft202012Validator(schema).validate(data)
+    assert data["kind"] == "speeds"
+    assert data["mean_pulses_s"] == pytest.approx(576 / 11)
+    assert data["largest_pulses_s"] == pytest.approx(96.0)
+    assert "mean_m_s" not in data
+    ran = run("info", path)
+    assert ran.code == 0, ran.err
+    assert "pulses  52.36 a second on average, at most 96" in ran.out
+
+
 def test_json_fits_its_schema(run: Run, tmp_path: Path, schema: dict[str, object]) -> None:
     files = {"a.ubx": make.ubx(), "a.gps": make.novatel_binary(), "a.csv": make.csv(),
              "a.pos": make.rtklib(), "s.csv": b"time,speed [km/h]\n0,36\n1,72\n2,0\n"}  # fmt: skip

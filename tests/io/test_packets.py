@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schuler.io.packets import FRAME_BYTES, PacketParser, Reorder, encode_csv, encode_frame
+from schuler.io.packets import FRAME_BYTES, PacketParser, encode_csv, encode_frame
+from schuler.io.reorder import Reorder
 
 
 def sample(k):

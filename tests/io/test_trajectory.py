@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import schuler as sc
+from schuler.aiding.clock import utc_of_zero
 from schuler.errors import InputError
 from schuler.io import read_trajectory
 from schuler.io.trajectory_stream import can_stream
@@ -268,6 +269,34 @@ def test_gpx_has_a_segment_on_each_side_of_the_date_line(tmp_path):
     assert (point.latitude, point.elevation, point.time) == (pytest.approx(10.2), 5.0, None)
     assert point.longitude == pytest.approx(-180.0 + 1e-5, abs=1e-9)
     assert "ellipsoid" in found.description
+
+
+def test_gpx_has_times_where_the_zero_is_known(tmp_path):
+    gpxpy = pytest.importorskip("gpxpy")
+    about = {"utc": utc_of_zero("gps-week", "GPS week 2390")}
+    sc.write_trajectory(over_the_date_line(), tmp_path / "a.gpx", about)
+    found = gpxpy.parse((tmp_path / "a.gpx").read_text(encoding="utf-8"))
+    times = [p.time.isoformat() for segment in found.tracks[0].segments for p in segment.points]
+    # The week begins on 26 October at midnight of GPS time, eighteen seconds ahead of UTC.
+    assert times[0] == "2025-10-25T23:59:42+00:00"
+    assert times[3] == "2025-10-25T23:59:45+00:00"
+
+
+@pytest.mark.parametrize(
+    ("clock", "epoch", "zero"),
+    [
+        ("utc", "the stamps of topic '/fix'", 0.0),
+        ("utc-week", "week 2390", 1761436800.0),
+        ("gps-week", "the GPS week of 2025-11-01", 1761436782.0),
+        ("utc-day", "2025-10-26", 1761436800.0),
+        ("utc-day", "", None),
+        ("gps-week", "", None),
+        ("unstated", "", None),
+        ("logger", "2025-10-26", None),
+    ],
+)
+def test_the_zero_of_a_clock_is_that_of_its_week_or_day(clock, epoch, zero):
+    assert utc_of_zero(clock, epoch) == zero
 
 
 def test_kml_has_a_line_on_each_side_of_the_date_line(tmp_path):

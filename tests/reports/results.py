@@ -194,7 +194,8 @@ def aided() -> Any:
 
 
 def experiment() -> Any:
-    from schuler.published.result import Curve, Experiment, Figure, Row
+    from schuler.published.figures import Curve, Figure
+    from schuler.published.result import Experiment, Row
 
     x = np.linspace(0.0, 1.0, 5)
     drawn = Figure("Errors", "time, s", "error, deg", (Curve("one", x, x), Curve("two", x, 2 * x)))

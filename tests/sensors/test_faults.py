@@ -14,8 +14,8 @@ from schuler.sensors import (
     FaultMonitor,
     ParityTest,
     SensorArray,
-    blame_by_rate,
     isolable,
+    isolate_by_rate,
     named_array,
     parity_matrix,
 )
@@ -191,10 +191,10 @@ def test_a_known_rate_tells_among_four(j):
     record = simulate(Static(77.0), Site(40.0), 20.0).record
     rng = np.random.default_rng(j)
     x = a.measure(record).dtheta + 1e-6 * rng.standard_normal((len(record), 4))
-    quiet = blame_by_rate(a, x, record.dtheta, 1e-6, 1e-6)
+    quiet = isolate_by_rate(a, x, record.dtheta, 1e-6, 1e-6)
     assert quiet.sensor is None
     x = Fault(j, "step", 3e-5).apply(record.time, record.dt, x, 1e-6, rng)
-    found = blame_by_rate(a, x, record.dtheta, 1e-6, 1e-6)
+    found = isolate_by_rate(a, x, record.dtheta, 1e-6, 1e-6)
     assert found.sensor == j
     assert found.size == pytest.approx(3e-7, abs=5 * 1e-6 / np.sqrt(len(x)))
 
@@ -204,7 +204,7 @@ def test_blame_by_rate_has_its_false_alarm_rate():
     rng = np.random.default_rng(12)
     runs = 4000
     hits = sum(
-        blame_by_rate(a, rng.standard_normal((4, 4)), np.zeros(3), 1.0, 0.02).sensor is not None
+        isolate_by_rate(a, rng.standard_normal((4, 4)), np.zeros(3), 1.0, 0.02).sensor is not None
         for _ in range(runs)
     )
     # Bonferroni of four independent sensors: 1 - (1 - 0.005)^4.
@@ -224,7 +224,10 @@ def test_threshold_is_chi_square_s():
         (lambda: ParityTest(named_array("cone5"), 0.0), "must be positive"),
         (lambda: ParityTest(named_array("cone5"), 1.0, 0.7), "0 to 0.5"),
         (lambda: ParityTest(named_array("cone5"), 1.0, window=0), "one sample or more"),
-        (lambda: ParityTest(named_array("triad-plus-one"), 1.0).smallest_fault(0), "does not show"),
+        (
+            lambda: ParityTest(named_array("triad-plus-one"), 1.0).smallest_fault(0),
+            "does not enter",
+        ),
         (lambda: FaultMonitor(ParityTest(named_array("cone5"), 1.0), 0), "one window or more"),
         (lambda: data(named_array("cone5"), Fault(7, "step", 1.0)), "sensor 7"),
     ],

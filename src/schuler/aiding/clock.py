@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import calendar
+import re
+
 from schuler.errors import InputError
 
-__all__ = ["CLOCKS", "no_overlap"]
+__all__ = ["CLOCKS", "no_overlap", "utc_of_zero"]
 
 CLOCKS = {
     "unstated": "seconds of a clock that the file does not name",
@@ -17,6 +20,8 @@ CLOCKS = {
 """What times may count, and how it is said."""
 
 _DAY, _WEEK, _LEAP = 86400.0, 604800.0, 18.0
+_GPS_START = 315964800.0
+"""Unix time of 1980-01-06, at which GPS weeks begin, s."""
 #: differences of two clocks, the least first, s
 _CAUSES = (
     (_LEAP, "the leap seconds between UTC and GPS time"),
@@ -25,6 +30,41 @@ _CAUSES = (
     (_WEEK, "weeks of GPS time"),
 )
 _EPOCHS = ((315964800.0, "seconds since 1970 beside those since 1980"),)
+
+
+def utc_of_zero(clock: str, epoch: str) -> float | None:
+    """Return the Unix time, s, at which a clock shows zero; None where that is not known.
+
+    Parameters
+    ----------
+    clock : str
+        One of `CLOCKS`.
+    epoch : str
+        The week or the day that it counts from, as ``week 2390`` or ``2025-11-02``. GPS time is
+        ahead of UTC by the leap seconds since 2017.
+
+    Examples
+    --------
+    >>> utc_of_zero("gps-week", "GPS week 2390")
+    1761436782.0
+    >>> utc_of_zero("utc-day", "2025-10-26")
+    1761436800.0
+    """
+    if clock == "utc":
+        return 0.0
+    week = re.search(r"week (\d+)$", epoch)
+    day = re.search(r"(\d{4})-(\d\d)-(\d\d)$", epoch)
+    leap = _LEAP if clock == "gps-week" else 0.0
+    if clock in ("gps-week", "utc-week") and week is not None:
+        return _GPS_START + _WEEK * int(week[1]) - leap
+    if day is None or clock not in ("gps-week", "utc-week", "utc-day"):
+        return None
+    year, month, number = map(int, day.groups())
+    since = calendar.timegm((year, month, number, 0, 0, 0))
+    if clock != "utc-day":
+        # A day of the week: GPS weeks begin on Sundays.
+        since -= int((since - _GPS_START) % _WEEK)
+    return float(since) - leap
 
 
 def no_overlap(

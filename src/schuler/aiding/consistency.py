@@ -107,9 +107,9 @@ def consistency(fixes: GnssFixes) -> Consistency | None:
     lag = float(_LAGS[k])
     if 0 < k < len(_LAGS) - 1:
         before, here, after = cost[k - 1 : k + 2]
-        bend = before - 2.0 * here + after
-        if bend > 0.0:
-            lag += float(0.5 * (before - after) / bend * (_LAGS[1] - _LAGS[0]))
+        curvature = before - 2.0 * here + after
+        if curvature > 0.0:
+            lag += float(0.5 * (before - after) / curvature * (_LAGS[1] - _LAGS[0]))
     # Without a change of velocity all lags are alike.
     lag = lag if cost[k] < 0.9 * cost[len(_LAGS) // 2] else 0.0
 
@@ -132,7 +132,7 @@ def contradictions(fixes: GnssFixes) -> list[str]:
         np.asarray(fixes.sigma)[1:][pairs.near] / dt[:, None]
         + np.asarray(fixes.v_sigma)[1:][pairs.near], axis=0,
     )  # fmt: skip
-    # A sigma that nobody stated may be far too large: what scatters from pair to pair is noise,
+    # A sigma that was not stated may be far too large: what scatters from pair to pair is noise,
     # and what stays is none.
     scatter = np.median(np.abs(np.diff(off, axis=0)), axis=0)
     noise = np.minimum(noise, np.maximum(3.0 * scatter, _LEAST))

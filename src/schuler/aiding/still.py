@@ -32,6 +32,11 @@ class RestDetector:
         rad/s.
     shortest : float
         A rest is at least so long, s.
+
+    Examples
+    --------
+    >>> len(find_rest(drive, RestDetector(shortest=5.0)).spans)
+    2
     """
 
     window: float = 0.5
@@ -91,6 +96,12 @@ def find_rest(
     ------
     InputError
         If the record is shorter than four windows.
+
+    Examples
+    --------
+    >>> rests = find_rest(record)
+    >>> rests.spans.round(1).tolist()
+    [[0.0, 60.0]]
     """
     detector = detector or RestDetector()
     interval = float(np.median(record.dt))

@@ -29,13 +29,13 @@ from schuler.alignment.next_position import Fixture, Suggestion, suggest_positio
 from schuler.alignment.result import Alignment
 from schuler.alignment.run import align
 from schuler.alignment.session import LiveSession
-from schuler.alignment.stationary.disturbance import Residual, residual
 from schuler.alignment.stationary.error_formulas import (
     analytic_error,
     bias_formula,
     inertial_error,
     inertial_frame_error,
 )
+from schuler.alignment.stationary.inertial import Residual, residual
 from schuler.alignment.stationary.kalman import FilterHistory
 from schuler.alignment.windows import Windows, align_windows
 

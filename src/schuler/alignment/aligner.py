@@ -10,16 +10,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.alignment.assessment import assess, capped
+from schuler._blas import with_one_blas_thread
+from schuler.alignment.assessment import assess, capped, notices
 from schuler.alignment.bound import limit, position_limit
 from schuler.alignment.debias import without_gyro_bias
-from schuler.alignment.estimate import QUIET
 from schuler.alignment.filtered import Filtered
 from schuler.alignment.gravity_uncertainty import with_gravity_uncertainty
 from schuler.alignment.history import History
 from schuler.alignment.method import Estimate, Method, Problem
 from schuler.alignment.methods import parse_method
-from schuler.alignment.moving.notice import moving_notice
 from schuler.alignment.result import Alignment
 from schuler.alignment.stationary.optimal import Linearisation
 from schuler.attitude import nearest_quat
@@ -41,17 +40,6 @@ POLE = 89.0
 
 HOW_RECORD = "read a file with schuler.read, a table with schuler.io.from_pandas"
 HOW_SITE = "say schuler.Site(lat, lon, height)"
-
-_BIAS_MISSING = (
-    "no instrument specification was given: sigma holds the disturbance seen in the record and a "
-    "gyro bias as large as its noise could hide, but no larger one and no accelerometer bias (say "
-    "--spec navigation-fog, or a TOML file)"
-)
-_NO_BIAS = (
-    "the specification '{}' holds no gyro bias, as one of an Allan analysis: sigma is how well the "
-    "heading repeats while the bias stays, not how far it is from north (allan --save-spec takes "
-    "--gyro-bias)"
-)
 
 
 @dataclass(eq=False)
@@ -151,7 +139,15 @@ class Aligner:
         )
 
     def branch(self) -> Aligner:
-        """Return an aligner that has taken the same samples and continues by itself."""
+        """Return an aligner that has taken the same samples and continues by itself.
+
+        Examples
+        --------
+        >>> aligner = sc.Aligner(site, spec=spec).update(record.between(None, 20.0))
+        >>> other = aligner.branch().update(record.between(20.0, 30.0))
+        >>> aligner.samples, other.samples
+        (400, 600)
+        """
         assert self._filtered is None
         other = copy(self)
         other._state = TrackerState(self._state.data.copy())
@@ -227,7 +223,7 @@ class Aligner:
         self._subsamples = int(wanted)
 
     def arrays(self) -> dict[str, Array]:
-        """Return all that a later aligner needs to go on in this one's place."""
+        """Return all that a later aligner needs to resume in this one's place."""
         return {
             "tracker": self._state.data.copy(),
             "tracker_nodes": self._nodes[: int(self._state.nodes)].copy(),
@@ -243,6 +239,14 @@ class Aligner:
         ------
         InputError
             If the arrays are not those of this version's aligner, or contradict one another.
+
+        Examples
+        --------
+        >>> one = sc.Aligner(site, spec=spec).update(record.between(None, 30.0))
+        >>> other = one.fresh()
+        >>> other.restore(one.arrays())
+        >>> other.update(record.after(30.0)).solution().headline()[:10]
+        'heading 29'
         """
         from schuler.kernels.layout import LayoutError
         from schuler.kernels.tracker_layout import check_aligner
@@ -310,12 +314,21 @@ class Aligner:
         ------
         InputError
             See `solution`.
+
+        Examples
+        --------
+        >>> aligner = sc.Aligner(site, "centred", spec).update(record).branch().prepared()
+        >>> aligner.shares_pass(sc.Analytic())
+        True
+        >>> str(aligner.solution_by(sc.Analytic(), "end").method)
+        'analytic'
         """
         assert self.shares_pass(method)
         other = copy(self)
         other.method, other.at = method, at
         return other.solution()
 
+    @with_one_blas_thread
     def solution(self) -> Alignment:
         """Return the alignment of all that has been taken.
 
@@ -360,31 +373,14 @@ class Aligner:
             hints = [text for text in hints if not text.startswith(("the mean |w|", "the angle"))]
         warnings = [*self._quality, *hints, *assessed.notes]
         bound = None
-        if self.spec is None:
-            warnings.append(_BIAS_MISSING)
-        else:
+        if self.spec is not None:
             used = found.spec or self.spec
-            if not self.spec.gyro.bias:
-                warnings.append(_NO_BIAS.format(self.spec.name))
             if found.positions:
                 bound = position_limit(used, self.site, found.positions, summary.interval).phi
             else:
                 bound = limit(used, self.site, h.duration, summary.interval)
-            if found.noise_ratio is not None and found.noise_ratio < QUIET:
-                warnings.append(
-                    f"the record has {found.noise_ratio:.2g} times the noise power of the "
-                    f"specification '{self.spec.name}', too little for chance: the white noise in "
-                    "sigma and limit was scaled down to what the record shows"
-                )
         sigma = float(np.sqrt(covariance[2, 2])) / ARCMIN
-        if sigma > 600.0 or contradictions:
-            notice = moving_notice(h)
-            warnings += [] if notice is None else [notice]
-        if sigma > 600.0:
-            warnings.append(
-                f"sigma of the heading is {sigma / 60:.0f} deg: this record, or this instrument, "
-                "cannot tell north"
-            )
+        warnings += notices(found, self.spec, h, sigma, bool(contradictions))
         log.debug("%s over %.6g s: heading sigma %.4g'", self.method, h.duration, sigma)
         return Alignment(
             method=found.method,

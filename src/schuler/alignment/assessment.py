@@ -13,17 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.alignment.consistency import (
-    FALSE_ALARM,
-    Contradiction,
-    bias_sigma,
-    check,
-    with_gyro_bias,
-)
-from schuler.alignment.debias import without_gyro_bias
+from schuler.alignment.consistency import FALSE_ALARM, Contradiction, check
+from schuler.alignment.debias import bias_sigma, with_gyro_bias, without_gyro_bias
+from schuler.alignment.estimate import QUIET
 from schuler.alignment.history import History
 from schuler.alignment.method import Estimate
 from schuler.alignment.methods import Analytic
+from schuler.alignment.moving.notice import moving_notice
 from schuler.alignment.stationary.analytic import analytic_attitude
 from schuler.alignment.stationary.optimal import Linearisation, joint
 from schuler.attitude import quat_to_matrix
@@ -33,13 +29,24 @@ from schuler.errors import InputError
 from schuler.record import Summary
 from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
 
-__all__ = ["UNIFORM_SIGMA", "Assessment", "assess", "capped"]
+__all__ = ["UNIFORM_SIGMA", "Assessment", "assess", "capped", "notices"]
 
 Array = NDArray[np.float64]
 Again = Callable[[History, ImuSpec, Linearisation | None], Estimate]
 
 UNIFORM_SIGMA = np.pi / np.sqrt(3.0)
 """1-sigma of an angle of which nothing is known, rad: 104 deg."""
+
+_BIAS_MISSING = (
+    "no instrument specification was given: sigma holds the disturbance seen in the record and a "
+    "gyro bias as large as its noise could hide, but no larger one and no accelerometer bias (say "
+    "--spec navigation-fog, or a TOML file)"
+)
+_NO_BIAS = (
+    "the specification '{}' holds no gyro bias, as one of an Allan analysis: sigma is how well the "
+    "heading repeats while the bias stays, not how far it is from north (allan --save-spec takes "
+    "--gyro-bias)"
+)
 
 _PROVEN = 0.05
 """Turn (rad) by the gyros, with the force at rest in the body, that is surely a bias."""
@@ -277,3 +284,41 @@ def capped(budget: dict[str, Array]) -> dict[str, Array]:
     if np.all(np.diag(scale) == 1.0):
         return budget
     return {name: scale @ cov @ scale for name, cov in budget.items()}
+
+
+def notices(
+    found: Estimate, spec: ImuSpec | None, h: History, sigma: float, contradicted: bool
+) -> list[str]:
+    """Return what a user should know of a sigma: what it lacks, and why it is large.
+
+    Parameters
+    ----------
+    found : Estimate
+    spec : ImuSpec or None
+        The instrument as it was specified.
+    h : History
+    sigma : float
+        Of the heading, arcmin.
+    contradicted : bool
+    """
+    out = []
+    if spec is None:
+        out.append(_BIAS_MISSING)
+    else:
+        if not spec.gyro.bias:
+            out.append(_NO_BIAS.format(spec.name))
+        if found.noise_ratio is not None and found.noise_ratio < QUIET:
+            out.append(
+                f"the record has {found.noise_ratio:.2g} times the noise power of the "
+                f"specification '{spec.name}', too little for chance: the white noise in "
+                "sigma and limit was scaled down to what the record shows"
+            )
+    if sigma > 600.0 or contradicted:
+        notice = moving_notice(h)
+        out += [] if notice is None else [notice]
+    if sigma > 600.0:
+        out.append(
+            f"sigma of the heading is {sigma / 60:.0f} deg: this record, or this instrument, "
+            "cannot tell north"
+        )
+    return out

@@ -186,6 +186,11 @@ def axes_test(h: History, spans: Sequence[tuple[float, float]] | None = None) ->
 
 def _of_span(rows: Array, namings: Array) -> Array | None:
     """Return the log likelihood (k,) of each naming in one span of a history's rows."""
+    # More instants than the highest frequency needs cost time, and say nothing.
+    span = TrackerNode(rows[-1]).time - TrackerNode(rows[0]).time if len(rows) else 0.0
+    stride = int(0.2 * (len(rows) - 1) / (_HIGHEST * span)) if span > 0.0 else 1
+    if stride > 1:
+        rows = rows[::stride]
     n = len(rows) - 1
     if n < _LEAST:
         return None

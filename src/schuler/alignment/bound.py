@@ -19,11 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._blas import with_one_blas_thread
 from schuler._files import check_keys, number, read_toml
 from schuler.attitude import euler_to_quat, quat_to_matrix, skew
 from schuler.constants import DEG
 from schuler.earth import Site
-from schuler.errors import InputError, expect
+from schuler.errors import InputError, expect, located
 from schuler.estimate.information import covariance_of, gls_information
 from schuler.sensors import ImuSpec
 from schuler.sensors.theory import mean_covariance
@@ -124,6 +125,7 @@ def _stretches(dwells: Array) -> tuple[NDArray[np.int64], Array, Array]:
     return which, np.cumsum(dt) - dt, dt
 
 
+@with_one_blas_thread
 def position_limit(
     spec: ImuSpec, site: Site, positions: Sequence[Position], interval: float = 0.01
 ) -> Limit:
@@ -146,13 +148,21 @@ def position_limit(
     InputError
         If there is no position, the interval is not positive, or phi cannot be seen (at a
         pole).
+
+    Examples
+    --------
+    >>> start, turned = Position(300.0), Position(heading_ccw_deg=180.0, dwell=300.0)
+    >>> one = position_limit(spec, site, [start]).sigma_arcmin[2]
+    >>> two = position_limit(spec, site, [start, turned]).sigma_arcmin[2]
+    >>> bool(two < 0.9 * one)
+    True
     """
     if not positions:
         raise InputError("a limit needs one position at least")
     if not (np.isfinite(interval) and interval > 0):
         raise InputError(f"the sampling interval must be a positive time, got {interval} s")
     if abs(np.cos(site.latitude)) < 1e-6:
-        raise InputError("at a pole the Earth's rotation does not show the heading")
+        raise InputError("at a pole the heading is not observable by the Earth's rotation")
     which, start, dt = _stretches(np.array([p.dwell for p in positions]))
     turned = np.stack([p.matrix.T for p in positions])[which]
     up = np.array([0.0, 0.0, site.gravity])
@@ -182,6 +192,7 @@ def position_limit(
     return Limit(float(dt.sum()), covariance_of(information, names)[:9, :9])
 
 
+@with_one_blas_thread
 def limit(spec: ImuSpec, site: Site, duration: float, interval: float = 0.01) -> Array:
     """Return the Cramér-Rao limit on the covariance of phi for a base at rest.
 
@@ -222,12 +233,20 @@ def limit(spec: ImuSpec, site: Site, duration: float, interval: float = 0.01) ->
 
 
 def load_positions(path: str | Path) -> list[Position]:
-    """Read positions from TOML: ``[[position]]`` tables with angles and ``dwell = "300 s"``.
+    r"""Read positions from TOML: ``[[position]]`` tables with angles and ``dwell = "300 s"``.
 
     Raises
     ------
     InputError
         If the file cannot be read, is not TOML, or holds a bad value, naming the position.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> text = '[[position]]\nheading_ccw_deg = 30\ndwell = "300 s"\n'
+    >>> length = Path("positions.toml").write_text(text)
+    >>> load_positions("positions.toml")[0].dwell
+    300.0
     """
     data = read_toml(path)
     tables = data.pop("position", None)
@@ -248,7 +267,5 @@ def _position(table: Any, where: str) -> Position:
             values[key] = parse(value, "time", f"{where}: {key}")
         else:
             values[key] = number(value, f"{where}: {key}", " of degrees")
-    try:
+    with located(where):
         return Position(**values)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None

@@ -9,7 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from schuler._blas import with_one_blas_thread
+from schuler._processes import each
 from schuler._result import Result, table_of_rows
 from schuler.alignment.aligner import Aligner
 from schuler.alignment.convergence import heading_history
@@ -27,6 +30,8 @@ from schuler.record import ImuRecord, without_spikes
 from schuler.sensors import ImuSpec, load_spec
 
 __all__ = ["DEFAULT_PAIRS", "Comparison", "Row", "compare", "settle_time"]
+
+Array = NDArray[np.float64]
 
 #: methods without a prefilter, then the prefilters before the document's estimator and the default
 DEFAULT_PAIRS: tuple[tuple[str, str], ...] = (
@@ -184,11 +189,20 @@ def settle_time(
     """
     sigma = float(fix.sigma_arcmin[2])
     band = SETTLED * sigma if within is None else within
+    return _settled(*heading_history(fix, _points(fix, points)), sigma, band, heading)
+
+
+def _points(fix: Alignment, points: int = 100) -> int:
+    """Return how many parts are looked at: a filter runs over each, so that they are fewer."""
+    return points if fix.filter_history is None else max(2, 2 * points // 5)
+
+
+def _settled(
+    t: Array, found: Array, sigma: float, band: float, heading: float | None
+) -> float | None:
+    """Return the first time from which on headings stay in a band, or None."""
     if sigma > band:
         return None
-    # A filter runs over each part: fewer of them.
-    count = points if fix.filter_history is None else max(2, 2 * points // 5)
-    t, found = heading_history(fix, count)
     away = found - (found[-1] if heading is None else heading)
     off = np.abs((away + 180.0) % 360.0 - 180.0) * 60.0 > band
     if not np.any(off):
@@ -197,6 +211,7 @@ def settle_time(
     return None if last + 1 >= len(t) else float(t[last + 1])
 
 
+@with_one_blas_thread
 def compare(
     record: ImuRecord,
     site: Site,
@@ -207,6 +222,7 @@ def compare(
     within: float | None = None,
     heading: float | None = None,
     progress: Callable[[str], None] | None = None,
+    workers: int = 1,
 ) -> Comparison:
     """Run methods and prefilters on one record.
 
@@ -226,7 +242,9 @@ def compare(
     heading : float, optional
         The true heading, deg, where it is known.
     progress : callable, optional
-        Called with what is run next.
+        Called with what was run.
+    workers : int
+        Processes that share the work.
 
     Raises
     ------
@@ -259,29 +277,34 @@ def compare(
         record, _ = without_spikes(record)
     methods = [parse_method(m).with_prefilter(parse_prefilter(p)) for m, p in pairs]
     rows: dict[int, Row] = {}
-    fixes: dict[int, Alignment] = {}
+    said: dict[int, tuple[str, ...]] = {}
+    limits: list[float] = []
+    histories: dict[int, tuple[Array, Array]] = {}
     left = list(range(len(methods)))
+    groups: list[dict[int, Method]] = []
     while left:
         # All that filter and track the record alike share one pass over it.
         first = Aligner(site, methods[left[0]], spec)
-        group = [k for k in left if first.shares_pass(methods[k])]
-        left = [k for k in left if k not in group]
-        _compare_group(
-            record, first, repeat, {k: methods[k] for k in group}, pairs, progress, rows, fixes
-        )
+        groups.append({k: methods[k] for k in left if first.shares_pass(methods[k])})
+        left = [k for k in left if k not in groups[-1]]
+    jobs = [(record, site, spec, repeat, group, tuple(pairs)) for group in groups]
+    for group, found in zip(groups, each(_compare_group, jobs, workers), strict=True):
+        rows.update(found.rows)
+        said.update(found.contradictions)
+        limits += found.limits
+        histories |= found.histories
+        if progress is not None:
+            for k in group:
+                progress(", ".join(name for name in pairs[k] if name != "none"))
+    sigmas = {k: row.sigma_arcmin for k, row in rows.items() if row.sigma_arcmin is not None}
     if within is None:
         # One band for all: each method's own sigma would let the vaguest settle first.
-        within = min((SETTLED * float(fix.sigma_arcmin[2]) for fix in fixes.values()), default=None)
-    for k, fix in fixes.items():
-        rows[k] = replace(rows[k], settle_s=settle_time(fix, within=within, heading=heading))
-    limits = [
-        float(fix.limit_arcmin[2])
-        for k, fix in fixes.items()
-        if fix.limit_arcmin is not None and methods[k].prefilter is None
-    ]
-    contradictions = next(
-        (fixes[k].contradictions for k in sorted(fixes) if fixes[k].contradictions), ()
-    )
+        within = min((SETTLED * sigma for sigma in sigmas.values()), default=None)
+    for k, sigma in sigmas.items():
+        assert within is not None
+        settled = _settled(*histories[k], sigma, within, heading)
+        rows[k] = replace(rows[k], settle_s=settled)
+    contradictions = next((said[k] for k in sorted(said) if said[k]), ())
     # A record quieter than its specification has the lower bound.
     return Comparison(
         record.name, record.duration, repeat, min(limits, default=None),
@@ -290,18 +313,33 @@ def compare(
     )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class _Group:
+    """What methods that share a pass over the record make of it, by their numbers.
+
+    Parameters
+    ----------
+    rows : dict of int to Row
+    contradictions : dict of int to tuple of str
+    limits : list of float
+        Of those without a prefilter, arcmin.
+    histories : dict of int to (times, headings)
+        Of ever longer parts of the record, s and deg.
+    """
+
+    rows: dict[int, Row]
+    contradictions: dict[int, tuple[str, ...]]
+    limits: list[float]
+    histories: dict[int, tuple[Array, Array]]
+
+
 def _compare_group(
-    record: ImuRecord, whole: Aligner, repeat: float | None, methods: dict[int, Method],
-    pairs: Sequence[tuple[str, str]], progress: Callable[[str], None] | None,
-    rows: dict[int, Row], fixes: dict[int, Alignment],
-) -> None:  # fmt: skip
-    """Fill the rows and alignments of methods that share a pass over the record."""
-
-    def say(k: int) -> None:
-        if progress is not None:
-            progress(", ".join(name for name in pairs[k] if name != "none"))
-
-    say(min(methods))
+    record: ImuRecord, site: Site, spec: ImuSpec | None, repeat: float | None,
+    methods: dict[int, Method], pairs: Sequence[tuple[str, str]],
+) -> _Group:  # fmt: skip
+    """Compare methods that share a pass over the record."""
+    out = _Group({}, {}, [], {})
+    whole = Aligner(site, methods[min(methods)], spec)
     begin = time.perf_counter()
     error = ""
     windows: list[Aligner] = []
@@ -314,8 +352,6 @@ def _compare_group(
         windows = list(track_windows(record, repeat, None, whole))
     for k, method in methods.items():
         name, filter_name = pairs[k]
-        if k > min(methods):
-            say(k)
         begin = time.perf_counter()
         try:
             if error:
@@ -323,17 +359,21 @@ def _compare_group(
             fix = whole.solution_by(method, "end")
         except SchulerError as refused:
             seconds = shared + time.perf_counter() - begin
-            rows[k] = Row(name, filter_name, None, None, None, None, seconds, str(refused))
+            out.rows[k] = Row(name, filter_name, None, None, None, None, seconds, str(refused))
             continue
         seconds = shared + time.perf_counter() - begin
-        fixes[k] = fix
+        out.contradictions[k] = fix.contradictions
+        if fix.limit_arcmin is not None and method.prefilter is None:
+            out.limits.append(float(fix.limit_arcmin[2]))
         # Windows are judged by the heading at their start: the vehicle may have moved.
         at = "end" if name in ("gyrocompass", "kalman-large") else "start"
-        rows[k] = Row(
+        out.histories[k] = heading_history(fix, _points(fix))
+        out.rows[k] = Row(
             name, filter_name, fix.heading_deg, float(fix.sigma_arcmin[2]), None,
             _spread(windows, method, at), seconds, f"chose {fix.method}" if name == "auto" else "",
             fix.consistent,
         )  # fmt: skip
+    return out
 
 
 def _spread(windows: list[Aligner], method: Method, at: str) -> float | None:

@@ -14,20 +14,21 @@ specification, the least bias that explains the record becomes part of the uncer
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.axes_consistency import AXES_MARGIN, AxesTest, axes_test, axes_text
+from schuler.alignment.debias import bias_sigma
 from schuler.alignment.history import History
-from schuler.alignment.stationary.normal_equations import NormalEquations
+from schuler.alignment.stationary.gains import NormalEquations
 from schuler.alignment.stationary.optimal import OptimalAlignment
 from schuler.constants import ARCSEC, DEG, DEG_PER_HOUR, EARTH_RATE, MICRO_G
 from schuler.earth import Site
 from schuler.estimate.chi_square import chi_square_tail
 from schuler.record import Summary
-from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
+from schuler.sensors import ImuSpec
 
 __all__ = [
     "DOUBT",
@@ -133,25 +134,6 @@ class Consistency:
     earth_rate: EarthRateTest | None
     axes: AxesTest | None
     least_bias: float
-
-
-def bias_sigma(part: GyroSpec | AccelerometerSpec, force: float) -> float:
-    """Return the 1-sigma of all that acts like a bias of one sensor under a force, rad/s or m/s^2.
-
-    Parameters
-    ----------
-    part : GyroSpec or AccelerometerSpec
-    force : float
-        m/s^2; for a gyro its sensitivity to force counts, for an accelerometer its scale and axes.
-    """
-    geometry = np.hypot(np.hypot(part.scale_factor, part.misalignment), part.non_orthogonality)
-    geometry = np.hypot(geometry, part.scale_factor_asymmetry)
-    parts = [part.bias, part.g2_sensitivity * force**2, part.bias_instability, part.gauss_markov]
-    if isinstance(part, GyroSpec):
-        parts += [part.g_sensitivity * force, geometry * EARTH_RATE]
-    else:
-        parts.append(geometry * force)
-    return float(np.sqrt(np.sum(np.square(parts))))
 
 
 # -- Earth rate ------------------------------------------------------------------------
@@ -398,8 +380,3 @@ def check(
     if gravity is not None:
         contradictions.append(gravity)
     return Consistency(tuple(contradictions), found, axes, least)
-
-
-def with_gyro_bias(spec: ImuSpec, bias: float) -> ImuSpec:
-    """Return a specification whose gyro bias is at least so large, rad/s."""
-    return replace(spec, gyro=replace(spec.gyro, bias=max(spec.gyro.bias, bias)))

@@ -113,7 +113,7 @@ def _ever_longer(fix: Alignment, points: int) -> list[Problem]:
 
 
 def _no_samples() -> ImuRecord:
-    raise InputError("a method that needs the samples tells its history itself")
+    raise InputError("a method that needs the samples has its own filter history")
 
 
 def _of_filter(fix: Alignment, filter_history: FilterHistory, points: int) -> Convergence:

@@ -1,7 +1,7 @@
-"""A history as it would have been without a constant gyro bias, from its nodes alone.
+"""Sensors' biases: a history without one, and what acts like one in a specification.
 
-The estimates are linear in the bias. A bias that turns the tracked frame by more than a fraction
-of a degree over the record is taken off first, so that no square of it is left.
+The estimates are linear in the gyro bias. A bias that turns the tracked frame by more than a
+fraction of a degree over the record is taken off first, so that no square of it is left.
 """
 
 from __future__ import annotations
@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from schuler.alignment.history import History
 from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
+from schuler.constants import EARTH_RATE
 from schuler.kernels.states import TrackerNode
+from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
 
-__all__ = ["without_gyro_bias"]
+__all__ = ["bias_sigma", "with_gyro_bias", "without_gyro_bias"]
 
 Array = NDArray[np.float64]
 
@@ -76,3 +78,27 @@ def without_gyro_bias(h: History, bias: Array) -> History:
     out.sum_dtheta -= h.t[:, None] * bias
     out.sum_quat[1:] = out.sum_quat[0] + np.cumsum(attitude, axis=0)
     return replace(h, rows=out.data)
+
+
+def bias_sigma(part: GyroSpec | AccelerometerSpec, force: float) -> float:
+    """Return the 1-sigma of all that acts like a bias of one sensor under a force, rad/s or m/s^2.
+
+    Parameters
+    ----------
+    part : GyroSpec or AccelerometerSpec
+    force : float
+        m/s^2; for a gyro its sensitivity to force counts, for an accelerometer its scale and axes.
+    """
+    geometry = np.hypot(np.hypot(part.scale_factor, part.misalignment), part.non_orthogonality)
+    geometry = np.hypot(geometry, part.scale_factor_asymmetry)
+    parts = [part.bias, part.g2_sensitivity * force**2, part.bias_instability, part.gauss_markov]
+    if isinstance(part, GyroSpec):
+        parts += [part.g_sensitivity * force, geometry * EARTH_RATE]
+    else:
+        parts.append(geometry * force)
+    return float(np.sqrt(np.sum(np.square(parts))))
+
+
+def with_gyro_bias(spec: ImuSpec, bias: float) -> ImuSpec:
+    """Return a specification whose gyro bias is at least so large, rad/s."""
+    return replace(spec, gyro=replace(spec.gyro, bias=max(spec.gyro.bias, bias)))

@@ -8,20 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.bound import Position
-from schuler.alignment.choose import choose
 from schuler.alignment.history import History, inertial_to_local
 from schuler.alignment.method import Estimate, Problem
 from schuler.alignment.methods import Analytic, Inertial
 from schuler.alignment.stationary.analytic import analytic_attitude
 from schuler.alignment.stationary.disturbance import (
-    Residual,
     analytic_disturbance,
     disturbance_levels,
     inertial_disturbance,
     noise_ratio,
-    residual,
 )
-from schuler.alignment.stationary.inertial import MINIMUM_ROWS, solve
+from schuler.alignment.stationary.inertial import MINIMUM_ROWS, Residual, residual, solve
 from schuler.alignment.stationary.optimal import OptimalAlignment, joint
 from schuler.alignment.stationary.uncertainty import (
     Responses,
@@ -36,9 +33,14 @@ from schuler.errors import InputError
 from schuler.sensors import ImuSpec
 
 __all__ = [
-    "QUIET", "analytic_estimate", "chosen_estimate", "inertial_attitude", "inertial_estimate",
+    "QUIET",
+    "analytic_estimate",
+    "choose",
+    "chosen_estimate",
+    "inertial_attitude",
+    "inertial_estimate",
     "mean_solution",
-]  # fmt: skip
+]
 
 Array = NDArray[np.float64]
 
@@ -75,6 +77,45 @@ def _budget(h: History, responses: Responses, spec: ImuSpec | None) -> dict[str,
     if not spec:
         return {}
     return instrument_budget(responses, spec, angle / h.duration, velocity / h.duration)
+
+
+def choose(
+    best: OptimalAlignment, spec: ImuSpec | None, subsamples: int | None
+) -> tuple[Inertial, str]:
+    """Return the method for a history and the reason in a sentence.
+
+    With a specification the optimal estimate is the choice on any base: it weighs the attitude of
+    the base and gravity's turn by what the record shows of both. Without one its weights rest on
+    the record alone, and are taken only on a base at rest, where they promise a clear gain.
+
+    Parameters
+    ----------
+    best : OptimalAlignment
+        The optimal estimate, which says what the record shows.
+    spec : ImuSpec or None
+    subsamples : int or None
+        For the method.
+    """
+    dwells = len(best.dwells)
+    if spec is not None:
+        if dwells > 1:
+            why = f"the unit was turned between {dwells} dwells, which shows its biases"
+        elif dwells == 0:
+            why = "the unit turns all the time, which shows its biases"
+        elif best.still:
+            why = "the base is at rest: its attitude and gravity both count"
+        else:
+            why = "the base moves: gravity's turn counts, weighted by the noise of the instrument"
+        return Inertial("optimal", subsamples), why
+    if dwells == 1 and best.still:
+        return (
+            Inertial("optimal", subsamples),
+            "the base is at rest: its attitude and gravity both count",
+        )
+    return (
+        Inertial("centred", subsamples),
+        "no specification says how the noise of the instrument is to be weighed",
+    )
 
 
 def chosen_estimate(subsamples: int | None, problem: Problem) -> Estimate:

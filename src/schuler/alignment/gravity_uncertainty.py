@@ -1,10 +1,10 @@
 """What is not known of gravity itself: its size (anomalies) and its direction (deflection).
 
-No sensor of a stationary vehicle tells gravity from what acts like it. The plumb line stands for
-the ellipsoid's normal, so its deflection is an error of the level, and of the heading by tan L
-(Laplace's equation). An error of gravity's size is an accelerometer bias along the vertical as long
-as the unit is not turned; where it is turned between positions, it makes of attitude and biases
-what a second estimate with a slightly larger gravity differs by.
+No sensor of a stationary vehicle distinguishes gravity from what acts like it. The plumb line
+stands for the ellipsoid's normal, so its deflection is an error of the level, and of the heading by
+tan L (Laplace's equation). An error of gravity's size is an accelerometer bias along the vertical
+as long as the unit is not turned; where it is turned between positions, it makes of attitude and
+biases what a second estimate with a slightly larger gravity differs by.
 
 Neither is estimated: both are added to the covariance of an estimate that takes normal gravity for
 exact (Schmidt, 1966, "consider" covariance).

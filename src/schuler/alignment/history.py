@@ -27,10 +27,13 @@ Rows = NDArray[np.int64]
 def inertial_to_local(t: Array | float, lat: float) -> Array:
     """Return C_i0^n (..., 3, 3) at times t (s since the start) for a latitude (rad)."""
     a = EARTH_RATE * np.asarray(t, np.float64)
-    s, c, zero = np.sin(a), np.cos(a), np.zeros_like(a)
+    s, c = np.sin(a), np.cos(a)
     sl, cl = np.sin(lat), np.cos(lat)
-    rows = [[-s, c, zero], [-sl * c, -sl * s, zero + cl], [cl * c, cl * s, zero + sl]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    out = np.zeros((*a.shape, 3, 3))
+    out[..., 0, 0], out[..., 0, 1] = -s, c
+    out[..., 1, 0], out[..., 1, 1], out[..., 1, 2] = -sl * c, -sl * s, cl
+    out[..., 2, 0], out[..., 2, 1], out[..., 2, 2] = cl * c, cl * s, sl
+    return out
 
 
 def gravity_direction(lat: float) -> Array:

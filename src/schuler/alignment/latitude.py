@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._blas import with_one_blas_thread
 from schuler._result import Result
 from schuler.alignment.aligner import Aligner
 from schuler.alignment.history import inertial_to_local
@@ -71,6 +72,7 @@ class LatitudeFix(Result):
         )
 
 
+@with_one_blas_thread
 def align_without_latitude(
     record: ImuRecord,
     spec: ImuSpec | str | Path | None = None,
@@ -124,8 +126,8 @@ def align_without_latitude(
             break
     else:
         raise InputError(
-            f"the record does not show its latitude: the estimate still moves by {step / DEG:.2g} "
-            "deg a round; take a longer or quieter record, or say --lat"
+            "the latitude is not observable in the record: the estimate still moves by "
+            f"{step / DEG:.2g} deg a round; take a longer or quieter record, or say --lat"
         )
     if sigma > 30.0 * DEG:
         raise InputError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from schuler._result import Result, table_of_rows
 from schuler.alignment.bound import Limit, Position, position_limit
@@ -14,7 +14,10 @@ from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.sensors import ImuSpec
 
-__all__ = ["LimitTable", "limit_columns", "limit_table"]
+if TYPE_CHECKING:
+    from schuler.alignment.moving.path_bound import PathLimit
+
+__all__ = ["LimitTable", "limit_columns", "limit_lines", "limit_table"]
 
 _AXES = ("east", "north", "up")
 
@@ -73,16 +76,8 @@ class LimitTable(Result):
         lines = [
             "limit of phi, and what the test leaves of the biases (body x, y, z): "
             f"{self.spec.name}",
-            f"{'time s':>10}  {'east':>9}  {'north':>9}  {'up':>9}   {'gyro deg/h':^26}   "
-            f"{'accelerometer ug':^26}",
+            *limit_lines(self.limits),
         ]
-        for each in self.limits:
-            east, north, up = each.sigma_arcmin
-            gyro = " ".join(f"{v / DEG_PER_HOUR:8.3g}" for v in each.gyro_bias)
-            accel = " ".join(f"{v / MICRO_G:8.3g}" for v in each.accel_bias)
-            lines.append(
-                f"{each.duration:10.6g}  {east:8.4g}'  {north:8.4g}'  {up:8.4g}'   {gyro}   {accel}"
-            )
         if self.suggested is not None:
             p = self.suggested.position
             lines.append(
@@ -104,6 +99,22 @@ def limit_columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
             cells |= {name.format(axis): v for axis, v in zip("xyz", row[key], strict=True)}
         out.append(cells)
     return table_of_rows(out)
+
+
+def limit_lines(limits: Sequence[Limit | PathLimit]) -> list[str]:
+    """Return a table of limits as lines of text, the names of its columns first."""
+    lines = [
+        f"{'time s':>10}  {'east':>9}  {'north':>9}  {'up':>9}   {'gyro deg/h':^26}   "
+        f"{'accelerometer ug':^26}"
+    ]
+    for each in limits:
+        east, north, up = each.sigma_arcmin
+        gyro = " ".join(f"{v / DEG_PER_HOUR:8.3g}" for v in each.gyro_bias)
+        accel = " ".join(f"{v / MICRO_G:8.3g}" for v in each.accel_bias)
+        lines.append(
+            f"{each.duration:10.6g}  {east:8.4g}'  {north:8.4g}'  {up:8.4g}'   {gyro}   {accel}"
+        )
+    return lines
 
 
 def limit_table(

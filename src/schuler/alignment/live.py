@@ -17,7 +17,7 @@ from schuler.alignment.methods import METHODS
 from schuler.alignment.result import Alignment
 from schuler.earth import Site
 from schuler.errors import InputError
-from schuler.io.packets import Reorder
+from schuler.io.reorder import Reorder
 from schuler.record import Intake
 from schuler.sensors import ImuSpec
 
@@ -87,6 +87,15 @@ class LiveAligner:
     ------
     InputError
         For an unknown method, or one that needs the whole record, or whose prefilter does.
+
+    Examples
+    --------
+    >>> live = LiveAligner(site, "increments", spec=spec)
+    >>> rows = zip(record.time, record.dtheta, record.dvel)
+    >>> live.push((k, float(t), (*w, *f)) for k, (t, w, f) in enumerate(rows))
+    >>> live.finish()
+    >>> live.solution().headline()[:10]
+    'heading 29'
     """
 
     def __init__(

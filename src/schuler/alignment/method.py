@@ -43,6 +43,12 @@ class Problem:
         Where the estimate is made again about what was found.
     samples : callable
         Returns the record, for a method that needs the samples.
+
+    Examples
+    --------
+    >>> given = Problem(fix.history, site, spec, True, None, lambda: record)
+    >>> sc.Inertial("centred").solve(given).attitude.shape
+    (3, 3)
     """
 
     history: History
@@ -98,7 +104,13 @@ class Method(ABC):
         return wanted
 
     def with_prefilter(self, prefilter: Prefilter | None) -> Method:
-        """Return the method with another prefilter."""
+        """Return the method with another prefilter.
+
+        Examples
+        --------
+        >>> str(sc.Inertial("centred").with_prefilter(sc.LowPass(1.0)))
+        'centred(prefilter=lowpass(cutoff=1.0))'
+        """
         return replace(self, prefilter=prefilter)
 
     def to_table(self) -> dict[str, Any]:

@@ -121,12 +121,17 @@ class Analytic(Method):
 
 @dataclass(frozen=True)
 class Auto(Method):
-    """The method that the record calls for (`schuler.alignment.choose`).
+    """The method that the record calls for (`schuler.alignment.estimate`).
 
     Parameters
     ----------
     subsamples : int, optional
         As in `Inertial`.
+
+    Examples
+    --------
+    >>> sc.align(record, site, Auto(), spec).why is not None
+    True
     """
 
     subsamples: int | None = None

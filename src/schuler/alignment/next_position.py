@@ -27,6 +27,11 @@ class Fixture:
         Largest pitch and roll; 0 is a table that only turns.
     step_deg : float
         Of the grid that is looked at; the best point of it is refined to a degree.
+
+    Examples
+    --------
+    >>> Fixture(yaw_deg=(-90.0, 90.0), step_deg=45.0)
+    Fixture(yaw_deg=(-90.0, 90.0), tilt_deg=0.0, step_deg=45.0)
     """
 
     yaw_deg: tuple[float, float] = (0.0, 360.0)
@@ -81,6 +86,12 @@ def suggest_position(
     ------
     InputError
         As `position_limit`.
+
+    Examples
+    --------
+    >>> best = suggest_position(spec, site, [Position(300.0)], Fixture(step_deg=90.0))
+    >>> round(best.position.heading_ccw_deg % 180.0)
+    120
     """
     if not positions:
         raise InputError("a next position needs one that is done")

@@ -118,7 +118,13 @@ class Alignment(Result):
     inputs: dict[str, str] = field(default_factory=dict, repr=False)
 
     def noting(self, warnings: Iterable[str], inputs: dict[str, str]) -> Alignment:
-        """Return the same result with warnings put first and inputs added."""
+        """Return the same result with warnings put first and inputs added.
+
+        Examples
+        --------
+        >>> fix.noting(["a crane was running nearby"], {"record": "imu.csv"}).warnings[-1]
+        'a crane was running nearby'
+        """
         return replace(
             self,
             warnings=(*warnings, *self.warnings),
@@ -126,7 +132,14 @@ class Alignment(Result):
         )
 
     def contradicted(self, texts: Iterable[str]) -> Alignment:
-        """Return the same result with contradictions from elsewhere: then there is no heading."""
+        """Return the same result with contradictions from elsewhere: then there is no heading.
+
+        Examples
+        --------
+        >>> wider = fix.contradicted(["the table stood elsewhere"])
+        >>> wider.consistent
+        False
+        """
         added = tuple(texts)
         if not added:
             return self

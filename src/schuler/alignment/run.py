@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from schuler._blas import with_one_blas_thread
 from schuler.alignment.aligner import HOW_RECORD, Aligner
 from schuler.alignment.method import Method
 from schuler.alignment.result import Alignment
@@ -25,6 +26,7 @@ __all__ = ["align"]
 Span = tuple[float | None, float | None]
 
 
+@with_one_blas_thread
 def align(
     record: ImuRecord,
     site: Site | None = None,

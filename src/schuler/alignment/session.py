@@ -22,7 +22,7 @@ from schuler.alignment.method import Method
 from schuler.alignment.result import Alignment
 from schuler.constants import EARTH_RATE
 from schuler.earth import Site
-from schuler.errors import InputError
+from schuler.errors import InputError, located
 from schuler.io.packets import KINDS, Packet, PacketParser
 from schuler.io.packets import REASONS as PACKET_REASONS
 from schuler.io.streams import REASONS as STREAM_REASONS
@@ -35,7 +35,7 @@ _CONTRADICTS = 4.0
 """Sigmas of the difference between two spans' headings."""
 
 _TELLS = 10.0
-"""Sigma of the heading beyond which a span tells nothing of north, deg."""
+"""Sigma of the heading beyond which a span has no heading, deg."""
 
 
 @dataclass(frozen=True)
@@ -146,10 +146,8 @@ class LiveSession:
             kind = read_checkpoint(path)[0].get("kind")
             live = self._aligner(kind if kind in KINDS else self._live.intake.kind)
             more = live.load(path)
-            try:
+            with located(path):
                 self._streams.resume(more.get("stream"), live.recent())
-            except InputError as error:
-                raise InputError(f"{path}: {error}") from None
         except InputError as error:
             # A device or a pipe is not put aside: it is not the file of a state.
             path = path.resolve()

@@ -145,6 +145,12 @@ def robust_mean(readings: ArrayLike) -> tuple[float, float, int]:
     ------
     InputError
         For fewer than four finite readings.
+
+    Examples
+    --------
+    >>> mean, error, left_out = robust_mean([1.0, 1.1, 0.9, 1.0, 50.0])
+    >>> round(mean, 2), left_out
+    (1.0, 1)
     """
     x = np.asarray(readings, np.float64).ravel()
     x = x[np.isfinite(x)]
@@ -192,6 +198,14 @@ def table_north(
     ------
     InputError
         If numbers do not match, or the angles do not fix north.
+
+    Examples
+    --------
+    >>> angles, rng = np.array([0.0, 90.0, 180.0, 270.0]), np.random.default_rng(1)
+    >>> rates = 4.9e-5 * np.cos(np.radians(angles - 20.0))
+    >>> found = table_north(angles, [x + 1e-8 * rng.standard_normal(50) for x in rates])
+    >>> round(found.north_deg, 1)
+    20.0
     """
     angles = np.asarray(angles_deg, np.float64).ravel()
     if len(angles) != len(readings):
@@ -299,7 +313,7 @@ def _on_circle(design: Array, means: Array, x: Array, amplitude: float) -> Array
 
 
 def load_readings(path: str | Path, unit: float) -> Array:
-    """Return the last number of each row of a text file, times a unit.
+    r"""Return the last number of each row of a text file, times a unit.
 
     Rows without numbers, as headers and closing remarks in any encoding, are passed over; the
     rows that count are those with as many numbers as most have.
@@ -308,6 +322,13 @@ def load_readings(path: str | Path, unit: float) -> Array:
     ------
     InputError
         If the file cannot be read or holds no rows of numbers.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> length = Path("dwell.txt").write_text("time rate\n0 4.1\n1 4.3\n")
+    >>> load_readings("dwell.txt", unit=0.5).tolist()
+    [2.05, 2.15]
     """
     try:
         text = Path(path).read_bytes().decode("latin-1")

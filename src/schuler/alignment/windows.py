@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler._blas import with_one_blas_thread
 from schuler._result import Result, table_of_rows
 from schuler.alignment.aligner import Aligner
 from schuler.alignment.method import Method
@@ -101,6 +102,7 @@ def spread_arcmin(headings: list[float]) -> float | None:
     return float(np.sqrt(np.sum(off**2) / (len(off) - 1))) * 60.0
 
 
+@with_one_blas_thread
 def align_windows(
     source: ImuRecord | Iterable[ImuRecord],
     site: Site,

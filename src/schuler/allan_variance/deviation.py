@@ -123,6 +123,13 @@ def allan_deviation(
     InputError
         For values that are not finite, an interval that is not positive, or a lag that the
         record is too short for.
+
+    Examples
+    --------
+    >>> white = np.random.default_rng(1).standard_normal(4096)
+    >>> one, sixteen = allan_deviation(white, 1.0, [1, 16])
+    >>> round(float(one / sixteen))
+    4
     """
     from schuler.kernels.allan import integrate
 
@@ -172,6 +179,14 @@ class AllanSums:
     InputError
         For another kind or a bad time; from `push` and `result` for uneven sampling, values
         that are not finite, or a record too short.
+
+    Examples
+    --------
+    >>> sums = AllanSums(taus=[0.1, 1.0])
+    >>> for chunk in (record.between(None, 30.0), record.between(30.0, None)):
+    ...     sums.push(chunk)
+    >>> sums.result().tau.tolist()
+    [0.1, 1.0]
     """
 
     def __init__(self, kind: str = "allan", taus: Sequence[float] | None = None) -> None:

@@ -1,7 +1,7 @@
 """Fitted noise as the parameter files of other tools, each with the tool's own rule.
 
 kalibr, openvins
-    Continuous densities (`Densities`) and the rate; OpenVINS wants the intrinsic matrices too,
+    Continuous densities (`Densities`) and the rate; OpenVINS needs the intrinsic matrices too,
     identities where none are known.
 vins
     Its preintegration (VINS-Mono, VINS-Fusion) takes two independent samples, each with half the
@@ -22,7 +22,7 @@ from pathlib import Path
 from schuler._files import replacing
 from schuler._version import __version__
 from schuler.allan_variance.density import Densities, Density, densities
-from schuler.allan_variance.fit import NoiseFit
+from schuler.allan_variance.noise_fit import NoiseFit
 from schuler.errors import InputError, printable
 
 __all__ = ["TOOLS", "export_noise", "noise_text"]
@@ -186,6 +186,11 @@ def noise_text(fit: NoiseFit, tool: str, *, inflate: float = 1.0, topic: str = "
     ------
     InputError
         For another tool, a factor that is not positive, or a fit without gyros or accelerometers.
+
+    Examples
+    --------
+    >>> noise_text(noise_fit, "kalibr").splitlines()[-1]
+    'update_rate: 20'
     """
     if tool not in TOOLS:
         raise InputError(f"there is no tool '{tool}' to export to: {', '.join(TOOLS)}")
@@ -201,6 +206,10 @@ def export_noise(
     ------
     InputError
         As `noise_text`, or if the file cannot be written.
+
+    Examples
+    --------
+    >>> export_noise(noise_fit, "kalibr", "imu.yaml", inflate=2.0)
     """
     text = noise_text(fit, tool, inflate=inflate, topic=topic)
     with replacing(path) as part:

@@ -9,19 +9,19 @@ from typing import Any
 
 from schuler._files import replacing
 from schuler.allan_variance.density import UNITS_SI
-from schuler.allan_variance.fit import NoiseFit, NoiseTerm
+from schuler.allan_variance.noise_fit import NoiseFit, NoiseTerm
 from schuler.allan_variance.result import Allan
 from schuler.errors import InputError
 from schuler.units import to_unit
 
 __all__ = [
-    "columns", "curve_lines", "fit_lines", "in_si", "save_spec", "si_unit", "spoken", "to_dict",
+    "columns", "curve_lines", "fit_lines", "in_si", "save_spec", "si_unit", "term_text", "to_dict",
     "unit_of",
 ]  # fmt: skip
 
 
 def unit_of(channel: str) -> str:
-    """Return the unit in which people speak of a channel's deviation."""
+    """Return the customary unit of a channel's deviation."""
     return "deg/h" if channel.startswith("gyro") else "ug"
 
 
@@ -30,7 +30,7 @@ def _digits(value: float, digits: int) -> str:
     return f"{float(f'{value:.{digits}g}'):g}"
 
 
-def spoken(term: NoiseTerm) -> str:
+def term_text(term: NoiseTerm) -> str:
     """Return a term as ``2.307 ± 0.051 deg/sqrt(h)``, or its limit as ``< 1.2 deg/h``."""
     if term.value is None or term.sigma is None:
         return f"< {_digits(to_unit(term.below, term.unit), 3)} {term.unit}"
@@ -64,8 +64,8 @@ def _in_json(channel: str, place: int, term: NoiseTerm) -> dict[str, Any]:
 def to_dict(found: Allan, fit: NoiseFit | None = None) -> dict[str, Any]:
     """Return deviations and fit ready for JSON (schema ``schuler.allan/2``).
 
-    A term that the record does not show has the value 0 and the sigma of which 1.645 is its 95 %
-    limit; without a fit, ``fit`` is null.
+    A term that is not observable in the record has the value 0 and the sigma of which 1.645 is its
+    95 % limit; without a fit, ``fit`` is null.
     """
     channels: dict[str, Any] = {}
     for k, name in enumerate(found.channels):
@@ -129,7 +129,7 @@ def fit_lines(fit: NoiseFit) -> list[str]:
         for k, (term, value) in enumerate(part.terms.items()):
             label = name if k == 0 else ""
             lines.append(
-                f"{label:>10}  {term.replace('_', ' '):<24}  {spoken(value):<32}  "
+                f"{label:>10}  {term.replace('_', ' '):<24}  {term_text(value):<32}  "
                 f"{in_si(name, k, value)}"
             )
     return lines
@@ -150,8 +150,8 @@ def save_spec(
     fit : NoiseFit
     path : str or path
     gyro_bias, accel_bias : float
-        What a static record does not show, 1 sigma, rad/s and m/s^2; the file says where it holds
-        none.
+        What is not observable in a static record, 1 sigma, rad/s and m/s^2; the file says where it
+        holds none.
     note : str
         Added to where the figures come from.
 
@@ -183,7 +183,7 @@ def save_spec(
     head = "# Noise from a static record, rms over the axes.\n"
     if without:
         head += (
-            f"# It holds no {' or '.join(without)} bias, which does not show in a record at rest:\n"
+            f"# It holds no {' or '.join(without)} bias, which is not observable at rest:\n"
             '# take from the data sheet bias = "... deg/h" for [gyro], bias = "... ug" for\n'
             "# [accelerometer], or say --gyro-bias and --accel-bias.\n"
         )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler._files import check_keys, read_toml, replacing
-from schuler.errors import InputError
+from schuler.errors import InputError, located
 
 if TYPE_CHECKING:
     from schuler.record import ImuRecord
@@ -40,6 +40,12 @@ class Calibration:
     name : str
     sigma : dict of str to (…,) float64
         1 sigma of `gyro_bias`, `accel_matrix`, ... where known.
+
+    Examples
+    --------
+    >>> corrected = Calibration(accel_bias=[0.01, 0.0, 0.0]).apply(record)
+    >>> round(float((record.dvel - corrected.dvel)[0, 0] / record.dt[0]), 4)
+    0.01
     """
 
     gyro_bias: Array = field(default_factory=_zeros)
@@ -99,6 +105,12 @@ class Calibration:
         ------
         InputError
             If it cannot be written.
+
+        Examples
+        --------
+        >>> Calibration(accel_bias=[0.01, 0.0, 0.0]).to_toml("unit.toml")
+        >>> round(float(Calibration.from_toml("unit.toml").accel_bias[0]), 3)
+        0.01
         """
         import tomli_w
 
@@ -144,13 +156,11 @@ class Calibration:
                     sigma[f"{part}_{key[:-6]}"] = array
                 else:
                     values[f"{part}_{key}"] = array
-        try:
+        with located(path):
             return cls(
                 **values, input=str(data.get("input", "SI")),
                 name=str(data.get("name", path.stem)), sigma=sigma,
             )  # fmt: skip
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
 
 
 _SHAPES: dict[str, tuple[int, ...]] = {

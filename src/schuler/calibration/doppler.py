@@ -41,7 +41,7 @@ _TURNED = 60.0 * DEG
 """A mounting beyond this is more likely a frame that was not said rightly."""
 
 _PRIOR = 10.0 * DEG
-"""1-sigma of a mounting before anything is measured, which settles what the data do not show."""
+"""1-sigma of a mounting before anything is measured, for what is not observable in the data."""
 
 _UNSEEN = 5.0 * DEG
 """1-sigma of a mounting angle beyond which it is not observable."""

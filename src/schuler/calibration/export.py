@@ -187,6 +187,11 @@ def export_calibration(
     ------
     InputError
         For another tool, or if a file cannot be written.
+
+    Examples
+    --------
+    >>> [path.name for path in export_calibration(sc.Calibration(), "imu_tk", "unit")]
+    ['unit.acc', 'unit.gyro']
     """
     if axes is not None:
         calibration = _in_axes(calibration, axes)

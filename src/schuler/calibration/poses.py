@@ -65,6 +65,17 @@ def calibrate_poses(
     InputError
         For values that are not numbers, fewer than six good poses, poses too much alike, or what
         is left after the fit and can be no error of an instrument.
+
+    Examples
+    --------
+    >>> rng, time = np.random.default_rng(1), np.arange(0.0, 200.0, 0.05)
+    >>> up = np.repeat(rng.standard_normal((20, 3)), 200, axis=0)
+    >>> up /= np.linalg.norm(up, axis=1)[:, None]
+    >>> accel = 9.81 * up + [0.05, 0.0, 0.0] + rng.normal(0.0, 0.003, (4000, 3))
+    >>> poses = np.arange(0, 4000, 200)[:, None] + [0, 200]
+    >>> fit = calibrate_poses(time, accel, gravity=9.81, dwells=poses, initial=5.0)
+    >>> round(float(fit.calibration.accel_bias[0]), 2)
+    0.05
     """
     for label, given in (("time", time), ("accel", accel), ("gyro", gyro)):
         if given is not None and not np.issubdtype(np.asarray(given).dtype, np.number):

@@ -38,7 +38,7 @@ class PosesFit(Result):
     turn_error_before : (k,) float64
         The same with the gyros' given scale.
     unseen : list of str
-        What these poses do not show, or only weakly.
+        What is not observable from these poses, or only weakly.
     gravity : float
         m/s^2.
     remarks : tuple of str
@@ -139,5 +139,5 @@ class PosesFit(Result):
                 f"{self.turn_error.size} turns: the gyros miss gravity by {rms[1]:.3g} deg rms "
                 f"({rms[0]:.3g} with the scale as given)"
             )
-        lines += [text if "left out" in text else f"not shown: {text}" for text in self.unseen]
+        lines += [text if "left out" in text else f"not observable: {text}" for text in self.unseen]
         return "\n".join(lines)

@@ -44,6 +44,14 @@ def find_rests(
     ------
     InputError
         If the record is too short, or does not begin at rest.
+
+    Examples
+    --------
+    >>> time, rng = np.arange(0.0, 20.0, 0.01), np.random.default_rng(1)
+    >>> accel = rng.normal(0.0, 0.01, (2000, 3)) + [0.0, 0.0, 9.8]
+    >>> accel[900:1100] += np.sin(20.0 * time[900:1100])[:, None]
+    >>> len(find_rests(time, accel))
+    2
     """
     t, f = np.asarray(time, np.float64), np.asarray(accel, np.float64)
     step = float(np.median(np.diff(t))) if len(t) > 2 else np.inf

@@ -1,6 +1,6 @@
 """Systematic calibration: a navigator's own errors, at a known place, show the sensors' errors.
 
-The instrument is turned through a sequence on the spot and navigates; its velocity, which should
+The instrument is turned through a sequence in place and navigates; its velocity, which should
 be zero whenever it rests, is all that is measured. It is a configuration of the error-state filter
 (`schuler.ins`): attitude, velocity, 12 numbers a triad (bias and the matrix of scale and axes) and
 the attitude at the start, without feedback; what it finds is the nominal of the next pass.
@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler._blas import with_one_blas_thread
 from schuler._result import Result, table_of_rows
 from schuler.attitude import multiply, rotvec_to_quat
 from schuler.calibration.apply import Calibration
@@ -49,7 +50,7 @@ _SENSORS = slice(_LAYOUT["gyro_bias"].start, _LAYOUT["accelerometer_matrix"].sto
 
 @dataclass(frozen=True, eq=False)
 class SystematicFit(Result):
-    """What a turning sequence tells.
+    """What a sequence of rotations has found.
 
     Parameters
     ----------
@@ -111,9 +112,10 @@ class SystematicFit(Result):
             f"{row['name']:21} {row['value']:12.5g} ± {row['sigma']:.2g} {row['unit']}"
             for row in self.rows()
         ]
-        return "\n".join(lines + [f"not shown: {name}" for name in self.unseen])
+        return "\n".join(lines + [f"not observable: {name}" for name in self.unseen])
 
 
+@with_one_blas_thread
 def calibrate_systematic(
     record: ImuRecord, site: Site, start: ArrayLike, *, still_rate: float = 0.05 * DEG,
     gyro_noise: float = 0.003 * DEG / 60.0, accel_noise: float = 20.0 * MICRO_G,
@@ -121,7 +123,7 @@ def calibrate_systematic(
     gyro_bias_prior: float = 1.0 * DEG_PER_HOUR, accel_bias_prior: float = 2000.0 * MICRO_G,
     matrix_prior: float = 2e-3, passes: int = 2, block: float = 0.2,
 ) -> SystematicFit:  # fmt: skip
-    """Calibrate from a record of an instrument turned on the spot, at rest between the turns.
+    """Calibrate from a record of an instrument turned in place, at rest between the turns.
 
     Parameters
     ----------
@@ -145,6 +147,18 @@ def calibrate_systematic(
     ------
     InputError
         For a record too short or never at rest, or a start that is not a quaternion.
+
+    Examples
+    --------
+    >>> from schuler.motion import Dwell, Turn, Turntable
+    >>> steps = [Dwell(5.0)]
+    >>> for axis in ("psi", "theta", "gamma"):
+    ...     steps += [Turn(axis, 90.0, 30.0, 60.0), Dwell(5.0)]
+    >>> table = Turntable(steps)
+    >>> turned = sc.simulate(table, site, 30.0, 20.0, spec, np.random.default_rng(1))
+    >>> fit = calibrate_systematic(turned.record, site, turned.truth.quat_nb[0])
+    >>> fit.to_dict()["schema"]
+    'schuler.calibrate-systematic/1'
     """
     q0 = np.asarray(start, np.float64)
     if q0.shape != (4,) or abs(np.linalg.norm(q0) - 1.0) > 1e-6:

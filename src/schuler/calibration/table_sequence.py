@@ -69,12 +69,20 @@ class RateTurn:
 
 
 def positions_from_toml(path: str | Path) -> list[Position]:
-    """Read where the table was: tables ``[[position]]`` with attitude and, if wanted, times.
+    r"""Read where the table was: tables ``[[position]]`` with attitude and, if wanted, times.
 
     Raises
     ------
     InputError
         If the file cannot be read or holds a bad value.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> text = "[[position]]\nattitude = [30, 0, 0]\n"
+    >>> length = Path("table.toml").write_text(text)
+    >>> positions_from_toml("table.toml")[0].attitude
+    (30.0, 0.0, 0.0)
     """
     out = []
     for k, table in _tables(path, "position", ("attitude", "start", "stop")):
@@ -88,12 +96,19 @@ def positions_from_toml(path: str | Path) -> list[Position]:
 
 
 def turns_from_toml(path: str | Path) -> list[RateTurn]:
-    """Read a rate test: tables ``[[turn]]`` with axis, rate and, if wanted, direction and times.
+    r"""Read a rate test: tables ``[[turn]]`` with axis, rate and, if wanted, direction and times.
 
     Raises
     ------
     InputError
         If the file cannot be read or holds a bad value.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> length = Path("turns.toml").write_text('[[turn]]\naxis = "z"\nrate = "10 deg/s"\n')
+    >>> turns_from_toml("turns.toml")[0].axis
+    (0.0, 0.0, 1.0)
     """
     out = []
     for k, table in _tables(path, "turn", ("axis", "rate", "direction", "start", "stop")):

@@ -2,8 +2,8 @@
 
 Positions are dwells in a record, or records of one dwell each. Where the table put the instrument
 is either given in a sequence, or told from the force: the nearest of the known directions of 6, 12,
-18 or 24 positions; or it is recognised from forces and turns (`table_recognition`). What a test
-does not show is taken from an earlier calibration (`base`).
+18 or 24 positions; or it is recognised from forces and turns (`table_recognition`). What is
+not observable in a test is taken from an earlier calibration (`base`).
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def calibrate_positions(
     site : Site, optional
         With attitudes, given or recognised: its Earth rate shows the gyros' bias.
     base : Calibration, optional
-        Has what this test does not show.
+        Has what is not observable in this test.
     initial : float
         Rest at the start of a record in which the dwells are found, s.
     name : str
@@ -71,7 +71,17 @@ def calibrate_positions(
     Raises
     ------
     InputError
-        For dwells that are not as many as the positions, or do not show every axis.
+        For dwells that are not as many as the positions, or leave an axis that is not observable.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> dt = record.dt[:, None]
+    >>> up = sc.calibration.turntable.scheme(6)
+    >>> dwells = [replace(record, dvel=(9.81 * x + [0.05, 0.0, 0.0]) * dt) for x in up]
+    >>> fit = calibrate_positions(dwells, 9.81)
+    >>> round(float(fit.calibration.accel_bias[0]), 3)
+    0.05
     """
     recognised, given = None, None
     if positions is None:
@@ -141,13 +151,25 @@ def calibrate_rates(
     site : Site
         Its Earth rate along the table's axis is taken off.
     base : Calibration, optional
-        Has what this test does not show: the accelerometers.
+        Has what is not observable in this test: the accelerometers.
     name : str
 
     Raises
     ------
     InputError
-        For turns that are not found in the record, or do not show every axis.
+        For turns that are not found in the record, or leave an axis that is not observable.
+
+    Examples
+    --------
+    >>> rates, axes = np.tile([0.6, -0.6], 3), np.repeat(np.eye(3), 2, axis=0)
+    >>> turning = np.repeat(rates[:, None] * axes, 240, axis=0)
+    >>> turning[np.arange(1440) % 240 < 60] = 0.0
+    >>> time, dt = 0.05 * np.arange(1, 1441), np.full(1440, 0.05)
+    >>> turned = sc.ImuRecord(time, dt, (turning + 1e-4) * 0.05, np.zeros((1440, 3)))
+    >>> turns = [RateTurn(tuple(axis), rate) for rate, axis in zip(rates, axes)]
+    >>> fit = calibrate_rates(turned, turns, sc.Site(0.0))
+    >>> round(float(fit.calibration.gyro_bias[0]), 5)
+    0.0001
     """
     stretches = turn_stretches(record, turns)
     earth_n = EARTH_RATE * np.array([0.0, np.cos(site.latitude), np.sin(site.latitude)])

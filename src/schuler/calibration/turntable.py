@@ -66,6 +66,11 @@ def scheme(positions: int) -> Array:
     ------
     InputError
         For another number.
+
+    Examples
+    --------
+    >>> scheme(6)[0].tolist()
+    [1.0, 0.0, 0.0]
     """
     faces = np.array([s * np.eye(3)[k] for k in range(3) for s in (1, -1)])
     edges = np.array(
@@ -98,6 +103,13 @@ def static_test(outputs: ArrayLike, truth: ArrayLike, sigma: float | None = None
     ------
     InputError
         For shapes that do not fit, values that are not numbers, or positions too few or too alike.
+
+    Examples
+    --------
+    >>> up = scheme(12)
+    >>> fit = static_test(9.8 * up * 1.001 + 0.02, 9.8 * up)
+    >>> fit.bias.round(4).tolist()
+    [0.02, 0.02, 0.02]
     """
     y, x = np.asarray(outputs, np.float64), np.asarray(truth, np.float64)
     if y.ndim != 2 or y.shape != x.shape or y.shape[1] != 3:
@@ -114,7 +126,9 @@ def static_test(outputs: ArrayLike, truth: ArrayLike, sigma: float | None = None
     values, vectors = np.linalg.eigh(inner)
     if values[0] < 1e-9 * values[-1]:
         most = ("the bias", "axis x", "axis y", "axis z")[int(np.argmax(np.abs(vectors[:, 0])))]
-        raise InputError(f"these positions do not show {most}: turn every axis up and down")
+        raise InputError(
+            f"{most} is not observable in these positions: turn every axis up and down"
+        )
     inverse = np.linalg.inv(inner)
     theta = inverse @ design.T @ y
     residual = y - design @ theta
@@ -150,6 +164,13 @@ def rate_test(
         The Earth's rate along the axis, rad/s.
     sigma : float, optional
         1 sigma of an output.
+
+    Examples
+    --------
+    >>> axes, rates = np.repeat(np.eye(3), 2, axis=0), np.tile([0.1, -0.1], 3)
+    >>> fit = rate_test(axes * rates[:, None] * 1.002 + 1e-5, rates, axes)
+    >>> (1e6 * fit.bias).round(2).tolist()
+    [10.0, 10.0, 10.0]
     """
     rate, axis = np.asarray(rates, np.float64), np.asarray(axes, np.float64)
     if axis.shape != (len(rate), 3):
@@ -162,7 +183,17 @@ def rate_test(
 
 
 def combine(gyro: TableFit, accel: TableFit, name: str = "turntable") -> Calibration:
-    """Return the calibration of both triads."""
+    """Return the calibration of both triads.
+
+    Examples
+    --------
+    >>> up, axes = scheme(12), np.repeat(np.eye(3), 2, axis=0)
+    >>> rates = np.tile([0.1, -0.1], 3)
+    >>> accel = static_test(9.8 * up + 0.02, 9.8 * up)
+    >>> gyro = rate_test(axes * rates[:, None] + 1e-5, rates, axes)
+    >>> combine(gyro, accel).accel_bias.round(3).tolist()
+    [0.02, 0.02, 0.02]
+    """
     return Calibration(
         gyro.bias, accel.bias, gyro.matrix, accel.matrix, name=name,
         sigma={"gyro_bias": gyro.bias_sigma, "accel_bias": accel.bias_sigma,

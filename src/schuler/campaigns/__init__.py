@@ -2,7 +2,7 @@
 
 A campaign is cut into chunks of runs. Each is a pure function of scenario, place in the sweep and
 numbers of its runs, so that it does not matter who works on it, when, or how often a machine was
-switched off in between. Dask lives only here.
+switched off in between. Dask is imported only here.
 """
 
 from __future__ import annotations

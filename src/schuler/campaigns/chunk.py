@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from schuler._blas import with_one_blas_thread
 from schuler._version import __version__
 from schuler.errors import InputError, SchulerError
 
@@ -55,6 +56,7 @@ class Chunk:
     version: str
 
 
+@with_one_blas_thread
 def run_chunk(chunk: Chunk) -> bytes:
     """Simulate and align the runs of a chunk; return an Arrow table as bytes (IPC stream).
 

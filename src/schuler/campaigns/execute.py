@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -10,9 +9,9 @@ from contextlib import AbstractContextManager, contextmanager
 from itertools import chain, islice
 from typing import Any
 
+from schuler._processes import ONE_THREAD, cores, worker_pool
 from schuler.campaigns.chunk import Chunk, run_chunk
-from schuler.campaigns.worker import ONE_THREAD, start
-from schuler.errors import InputError, SchulerError
+from schuler.errors import InputError, SchulerError, installed
 
 __all__ = ["cluster_executor", "execute", "local_cluster"]
 
@@ -23,7 +22,7 @@ _STARTS = 4
 """So often a local cluster is started before it is given up."""
 
 #: an executor, and how many chunks it should have at hand
-Staff = AbstractContextManager[tuple[Executor, int]]
+Workers = AbstractContextManager[tuple[Executor, int]]
 
 
 def execute(
@@ -53,7 +52,7 @@ def execute(
         return
     first = next(chunks, None)
     if first is None:
-        # Nothing is left to do: no need to hire anybody.
+        # Nothing is left to do: no workers are needed.
         return
     waiting = chain([first], chunks)
     if scheduler is None and workers is None:
@@ -62,14 +61,16 @@ def execute(
         yield from _through(waiting, lambda: _dask(workers, scheduler))
 
 
-def _through(chunks: Iterator[Chunk], hire: Callable[[], Staff]) -> Iterator[tuple[Chunk, bytes]]:
-    """Keep an executor busy; hire a new one where it breaks."""
+def _through(
+    chunks: Iterator[Chunk], start: Callable[[], Workers]
+) -> Iterator[tuple[Chunk, bytes]]:
+    """Keep an executor busy; start a new one where it breaks."""
     lost: list[Chunk] = []
     deaths = 0
     while True:
         open_: dict[Future[bytes], Chunk] = {}
         broken = False
-        with hire() as (executor, width):
+        with start() as (executor, width):
             while not broken:
                 source = chain(iter(lost), chunks)
                 fresh = list(islice(source, max(0, width - len(open_))))
@@ -117,13 +118,8 @@ def _died(error: BaseException) -> bool:
 
 @contextmanager
 def _pool() -> Iterator[tuple[Executor, int]]:
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    count = count or 1
-    # Forked processes would inherit locks of the threads that Arrow has started.
-    pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=start)
+    count = cores()
+    pool = worker_pool(count)
     try:
         yield pool, 3 * count
     finally:
@@ -132,14 +128,9 @@ def _pool() -> Iterator[tuple[Executor, int]]:
 
 @contextmanager
 def _dask(workers: int | None, scheduler: str | None) -> Iterator[tuple[Executor, int]]:
-    try:
+    with installed("--workers and --scheduler need Dask", "campaign"):
         import dask
         from distributed import Client
-    except ImportError:
-        raise SchulerError(
-            "--workers and --scheduler need Dask, which is not installed: "
-            "pip install 'schuler[campaign]'"
-        ) from None
     settings: dict[str, Any] = {
         # A killed worker is no reason to give its chunk up; `_through` counts in the end.
         "distributed.scheduler.allowed-failures": 20,
@@ -184,7 +175,7 @@ def cluster_executor(scheduler: str) -> Iterator[Executor]:
 
 
 def local_cluster(workers: int, **settings: Any) -> Any:
-    """Return a Dask cluster on this machine; one whose worker dies at the start is started again.
+    """Return a Dask cluster on this machine; one whose worker fails at the start is started again.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from schuler.centrifuge.coefficients import (
     published_truth,
 )
 from schuler.centrifuge.files import plant_from_toml, scheme_from_toml
-from schuler.centrifuge.filter import Ekf, PlatformFit, fit_platform, simulate_platform
+from schuler.centrifuge.filter import Ekf, PlatformFit, fit_platform
 from schuler.centrifuge.information import direct_information, scheme_information
 from schuler.centrifuge.objective import (
     OBJECTIVES,
@@ -26,6 +26,7 @@ from schuler.centrifuge.result import CentrifugeTest, identify
 from schuler.centrifuge.scheme import CentrifugeScheme
 from schuler.centrifuge.scorecard import Scorecard, by_objective, score
 from schuler.centrifuge.search import AngleLimits, Problem, evaluate_positions
+from schuler.centrifuge.simulate import simulate_platform
 
 __all__ = [
     "OBJECTIVES",

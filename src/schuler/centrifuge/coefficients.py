@@ -38,13 +38,26 @@ _ACCEL_UNITS = ("ug", "ug/g", "ug/g^2", "ug/g^3", "ug/g^2")
 
 
 def coefficient_names(d_oo: bool = False) -> tuple[str, ...]:
-    """Name the unknowns in their order: ``D_Fx`` to ``th_oz``; 45, or 48 with D_OO."""
+    """Name the unknowns in their order: ``D_Fx`` to ``th_oz``; 45, or 48 with D_OO.
+
+    Examples
+    --------
+    >>> coefficient_names()[:3]
+    ('D_Fx', 'D_Fy', 'D_Fz')
+    """
     terms = GYRO_TERMS if d_oo else GYRO_TERMS[:-1]
     return (*(f"{term}{axis}" for term in (*terms, *ACCEL_TERMS) for axis in "xyz"), *MOUNTING)
 
 
 def coefficient_units(d_oo: bool = False) -> tuple[tuple[str, ...], Array]:
-    """Return the unknowns' spoken units and what one of each is inside (rad/s, g, rad)."""
+    """Return the unknowns' customary units and what one of each is inside (rad/s, g, rad).
+
+    Examples
+    --------
+    >>> units, factors = coefficient_units()
+    >>> units[0], len(factors)
+    ('deg/h', 45)
+    """
     gyro = _GYRO_UNITS if d_oo else _GYRO_UNITS[:-1]
     names = [u for u in (*gyro, *_ACCEL_UNITS) for _ in "xyz"] + ["arcsec"] * 3
     factor = {"d": DEG_PER_HOUR, "u": 1e-6, "a": ARCSEC}
@@ -61,6 +74,12 @@ PUBLISHED_ESTIMATES = (
 
 
 def published_truth() -> Array:
-    """Return the published true coefficients (45,), rad/s a power of g, g a power of g, rad."""
+    """Return the published true coefficients (45,), rad/s a power of g, g a power of g, rad.
+
+    Examples
+    --------
+    >>> len(published_truth())
+    45
+    """
     values = np.array([v for three in PUBLISHED_TRUTH.values() for v in three], dtype=np.float64)
     return values * coefficient_units()[1]

@@ -19,7 +19,7 @@ from schuler.centrifuge.coefficients import PUBLISHED_TRUTH, coefficient_names, 
 from schuler.centrifuge.outputs import outputs_truth_path
 from schuler.centrifuge.plant import Plant
 from schuler.centrifuge.scheme import CentrifugeScheme, published_test
-from schuler.errors import InputError
+from schuler.errors import InputError, located
 
 __all__ = [
     "SimulatedTest",
@@ -53,12 +53,19 @@ def _read(path: str | Path, name: str, make: Any) -> Any:
 
 
 def plant_from_toml(path: str | Path) -> Plant:
-    """Read a plant: the fields of `Plant`, in its units.
+    r"""Read a plant: the fields of `Plant`, in its units.
 
     Raises
     ------
     InputError
         If the file cannot be read, or holds an unknown key or a bad value.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> length = Path("plant.toml").write_text("force = 5.0\n")
+    >>> plant_from_toml("plant.toml").force
+    5.0
     """
     plant: Plant = _read(path, "plant", _plant)
     return plant
@@ -86,12 +93,20 @@ def _plant(table: Any) -> Plant:
 
 
 def scheme_from_toml(path: str | Path) -> CentrifugeScheme:
-    """Read a scheme: ``positions``, ``dwell`` (s) and, where they differ, ``forces`` (g).
+    r"""Read a scheme: ``positions``, ``dwell`` (s) and, where they differ, ``forces`` (g).
 
     Raises
     ------
     InputError
         If the file cannot be read, or holds an unknown key or a bad value.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> text = "positions = [[45, 0, 167]]\ndwell = 20.0\n"
+    >>> length = Path("scheme.toml").write_text(text)
+    >>> scheme_from_toml("scheme.toml").positions
+    ((45.0, 0.0, 167.0),)
     """
     scheme: CentrifugeScheme = _read(path, "scheme", _scheme)
     return scheme
@@ -118,7 +133,7 @@ def _scheme(table: Any) -> CentrifugeScheme:
 
 
 def true_coefficients(table: Mapping[str, Any], plant: Plant) -> Array:
-    """Return coefficients (n,), inside units, from a table in spoken units.
+    """Return coefficients (n,), inside units, from a table in customary units.
 
     Each term (``D_F`` ... ``k_IP``) has three numbers for x, y, z, and ``th`` the mounting angles
     th_py, th_pz, th_oz. What is left out is as published; D_OO like D_II.
@@ -215,7 +230,7 @@ def simulate_test(
     InputError
         For an unknown key or a bad value, with the file.
     """
-    from schuler.centrifuge.filter import simulate_platform
+    from schuler.centrifuge.simulate import simulate_platform
 
     path = Path(path)
     data = read_toml(path)
@@ -227,7 +242,7 @@ def simulate_test(
             if not isinstance(at, dict):
                 raise InputError(f"{path}: {key}: '{name}' is not a table")
         at[last] = value
-    try:
+    with located(path):
         plant, scheme, truth = read_test(data)
         given = data.get("seed", 0) if seed is None else seed
         if isinstance(given, bool) or not isinstance(given, int) or given < 0:
@@ -236,6 +251,4 @@ def simulate_test(
             plant, scheme.positions, scheme.dwell, truth, np.random.default_rng(given),
             forces=scheme.forces or None,
         )[0]  # fmt: skip
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
     return SimulatedTest(str(data.get("name", path.stem)), given, plant, scheme, truth, outputs)

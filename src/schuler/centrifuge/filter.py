@@ -7,7 +7,6 @@ order, not the filter's angles.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,15 +14,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.centrifuge.coefficients import coefficient_names, coefficient_units
-from schuler.centrifuge.information import _angles
+from schuler.centrifuge.information import checked_angles
 from schuler.centrifuge.plant import Plant
 from schuler.errors import InputError
 
-__all__ = ["Ekf", "PlatformFit", "fit_platform", "simulate_platform"]
+__all__ = ["Ekf", "PlatformFit", "fit_platform"]
 
 Array = NDArray[np.float64]
 
-#: 1 sigma of the coefficients before the test, in their spoken units
+#: 1 sigma of the coefficients before the test, in their customary units
 PRIOR = {"D_F": 30.0, "D_": 5.0, "D__": 0.5, "k0": 2e4, "k1": 5e3, "k2": 100.0, "k3": 30.0,
          "k_": 50.0, "th": 2000.0}  # fmt: skip
 
@@ -43,6 +42,11 @@ class Ekf:
         Of the propagation, s.
     drift_noise : float
         White noise of the gyros' drift, deg/sqrt(h); the square-root filter has none.
+
+    Examples
+    --------
+    >>> Ekf(passes=2, square_root=True)
+    Ekf(passes=2, square_root=True, step=0.005, drift_noise=0.0)
     """
 
     passes: int = 4
@@ -111,86 +115,6 @@ def prior_sigma(plant: Plant) -> Array:
     return np.asarray(np.array(out) * coefficient_units(plant.d_oo)[1])
 
 
-def simulate_platform(
-    plant: Plant, positions: ArrayLike, dwell: float, truth: Array, rng: np.random.Generator,
-    runs: int = 1, forces: Sequence[float] | None = None,
-) -> Array:  # fmt: skip
-    """Return outputs (runs, p, m, 3), g, of a platform whose attitudes are off by the prior.
-
-    Parameters
-    ----------
-    plant : Plant
-    positions : (p, 3) array_like
-        Nominal alpha, beta, gamma, deg.
-    dwell : float
-        s at each.
-    truth : (n,) float64
-        Coefficients, inside units.
-    rng : numpy Generator
-    runs : int
-        Independent tests.
-    forces : sequence of float, optional
-        Level of force at each position, g.
-    """
-    from schuler.kernels.gimbals import platform_matrix
-
-    nominal = _angles(positions)
-    count = len(nominal)
-    angles = nominal + plant.attitude_prior * rng.standard_normal((runs, count, 3))
-    c = np.array(
-        [platform_matrix(a, b, g, plant.order_number) for a, b, g in angles.reshape(-1, 3)]
-    )
-    # Rows and columns first: each operation below is one over all runs and positions.
-    c = np.ascontiguousarray(np.moveaxis(c.reshape(runs, count, 3, 3), (2, 3), (0, 1)))
-    levels = [plant.force] * count if forces is None else list(forces)
-    swing = np.array([plant.harmonics(level) for level in levels]).transpose(1, 2, 0)[:, :, None]
-    gyro = truth[: 3 * plant.terms].reshape(-1, 3)
-    k0, k1, k2, k3, kp = truth[3 * plant.terms : -3].reshape(5, 3)
-    th_py, th_pz, th_oz = truth[-3:]
-    axes = plant.gyro_axes
-    earth, turning = plant.earth[:, None, None], plant.turning[:, None, None]
-
-    def force_at(t: float, m: Array) -> Array:
-        angle = plant.omega * t
-        base = swing[0] + math.cos(angle) * swing[1] + math.sin(angle) * swing[2]
-        return np.asarray((m * base).sum(axis=1))
-
-    def slope(t: float, m: Array) -> Array:
-        """Return the rate of change of the platforms' attitudes, rows and columns first."""
-        f = force_at(t, m)
-        drift = (m * earth).sum(axis=1) + turning
-        for j, d in enumerate(gyro.T):
-            i, o, s = np.tensordot(axes[j], f, 1)
-            own = d[0] + i * (d[1] + d[4] * i + d[6] * o + d[7] * s)
-            own += s * (d[3] + d[5] * s) + o * (d[2] + d[8] * s)
-            if len(d) > 9:
-                own += d[9] * o * o
-            drift += axes[j, 0][:, None, None] * own
-        out = np.empty_like(m)
-        for k in range(3):
-            one, two = (k + 1) % 3, (k + 2) % 3
-            out[k] = drift[one] * m[two] - drift[two] * m[one]
-        return out
-
-    h = 1.0 / plant.sampling
-    samples = plant.turns(dwell) * round(plant.sampling * plant.period)
-    out = np.empty((runs, count, samples, 3))
-    for k in range(samples):
-        t = k * h
-        a = slope(t, c)
-        b = slope(t + h / 2, c + h / 2 * a)
-        d = slope(t + h / 2, c + h / 2 * b)
-        e = slope(t + h, c + h * d)
-        c = c + h / 6 * (a + 2 * b + 2 * d + e)
-        f = np.moveaxis(force_at(t + h, c), 0, -1)
-        own = f.copy()
-        own[..., 1] += th_py * f[..., 0]
-        own[..., 2] += th_pz * f[..., 0] + th_oz * f[..., 1]
-        other = np.stack([f[..., 1], -f[..., 2], f[..., 1] - th_oz * f[..., 2]], axis=-1)
-        out[:, :, k] = k0 + (1 + k1) * own + k2 * own**2 + k3 * own**3 + kp * own * other
-    return out + 1e-6 * plant.noise * rng.standard_normal(out.shape)
-
-
 def fit_platform(
     plant: Plant, positions: ArrayLike, outputs: Sequence[Array] | Array,
     method: Ekf | None = None, forces: Sequence[float] | None = None,
@@ -217,11 +141,20 @@ def fit_platform(
     InputError
         For shapes that do not fit, values that are not numbers, or a step that does not divide an
         output sample.
+
+    Examples
+    --------
+    >>> from schuler.centrifuge import PUBLISHED_POSITIONS, published_truth, simulate_platform
+    >>> truth, rng = published_truth(), np.random.default_rng(1)
+    >>> outputs = simulate_platform(Plant(), PUBLISHED_POSITIONS, 2.0, truth, rng)[0]
+    >>> fit = fit_platform(Plant(), PUBLISHED_POSITIONS, outputs, Ekf(passes=1))
+    >>> fit.names[0], fit.units[0]
+    ('D_Fx', 'deg/h')
     """
     from schuler.kernels.platform import filter_position
 
     method = method or Ekf()
-    nominal = _angles(positions)
+    nominal = checked_angles(positions)
     rows = [np.ascontiguousarray(one, dtype=np.float64) for one in outputs]
     if len(rows) != len(nominal) or any(one.ndim != 2 or one.shape[1] != 3 for one in rows):
         raise InputError(
@@ -250,7 +183,7 @@ def fit_platform(
     walk = (np.deg2rad(method.drift_noise) / 60.0) ** 2
     start = nominal.copy()
     for lap in range(method.passes):
-        tally = np.zeros(2)
+        innovation_sums = np.zeros(2)
         held = np.diag(np.concatenate([sigma, np.zeros(6)]))
         if not method.square_root:
             held = held**2
@@ -268,7 +201,7 @@ def fit_platform(
                 state, off, held, begun[k], rows[k], plant.order_number, plant.gyro_axes,
                 plant.turning, levels[k], plant.omega, plant.earth, method.step, every,
                 plant.terms, (1e-6 * plant.noise) ** 2, walk, lap > 0,
-                int(method.square_root), tally,
+                int(method.square_root), innovation_sums,
             )  # fmt: skip
             _refuse_divergence(state, held, k, method.square_root)
             state_start[k] = state[n + 3 :]
@@ -284,7 +217,7 @@ def fit_platform(
     units, factor = coefficient_units(plant.d_oo)
     return PlatformFit(
         coefficient_names(plant.d_oo), units, factor, state[:n].copy(), cov,
-        float(tally[0] / max(tally[1], 1.0)), int(tally[1]),
+        float(innovation_sums[0] / max(innovation_sums[1], 1.0)), int(innovation_sums[1]),
     )  # fmt: skip
 
 
@@ -324,7 +257,7 @@ def filter_information(
     """
     from schuler.kernels.platform import filter_position
 
-    nominal, n, method = _angles(positions), plant.unknowns, Ekf()
+    nominal, n, method = checked_angles(positions), plant.unknowns, Ekf()
     samples = plant.turns(dwell) * round(plant.sampling * plant.period)
     every = round(1.0 / (plant.sampling * method.step))
     sigma = prior_sigma(plant)

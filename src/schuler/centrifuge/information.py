@@ -1,4 +1,4 @@
-"""Information of a centrifuge test: what its positions tell of the coefficients."""
+"""Information of a centrifuge test: what its positions contribute to the coefficients."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Tables:
         return 1.0 / self.plant.attitude_prior**2
 
 
-def _angles(positions: ArrayLike) -> Array:
+def checked_angles(positions: ArrayLike) -> Array:
     """Return positions (p, 3) in rad from alpha, beta, gamma in deg, checked."""
     angles = np.atleast_2d(np.asarray(positions, dtype=np.float64))
     if angles.ndim != 2 or angles.shape[1] != 3 or not np.isfinite(angles).all():
@@ -96,7 +96,7 @@ def _needs_still(plant: Plant) -> None:
 def position_matrices(
     tables: Tables, positions: ArrayLike, level: Sequence[int] | None = None
 ) -> Array:
-    """Return what each position tells of the coefficients, (p, n, n), its attitude marginalised.
+    """Return the information of each position, (p, n, n), its attitude marginalised.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def position_matrices(
     """
     from schuler.kernels.centrifuge import many_positions
 
-    angles = _angles(positions)
+    angles = checked_angles(positions)
     _needs_still(tables.plant)
     which = np.zeros(len(angles), np.int64) if level is None else np.asarray(level, np.int64)
     plant = tables.plant
@@ -147,6 +147,12 @@ def scheme_information(
     ------
     InputError
         For bad positions, dwells or forces.
+
+    Examples
+    --------
+    >>> from schuler.centrifuge import PUBLISHED_POSITIONS
+    >>> scheme_information(Plant(), PUBLISHED_POSITIONS, 20.0).shape
+    (45, 45)
     """
     rows = np.atleast_2d(np.asarray(positions, dtype=np.float64))
     if not plant.is_still:
@@ -174,10 +180,18 @@ def direct_information(
         As there.
     step : float
         Of the integration, s; an output sample must be a whole number of them.
+
+    Examples
+    --------
+    >>> plant, positions = Plant(), [(45.0, 0.0, 167.0)]
+    >>> direct = direct_information(plant, positions, 2.0)
+    >>> closed = scheme_information(plant, positions, 2.0)
+    >>> bool(np.allclose(direct.diagonal(), closed.diagonal(), rtol=0.01))
+    True
     """
     from schuler.kernels.centrifuge_samples import direct_accumulation
 
-    angles = _angles(positions)
+    angles = checked_angles(positions)
     _needs_still(plant)
     every = round(1.0 / (plant.sampling * step))
     if every < 1 or abs(every * step * plant.sampling - 1.0) > 1e-9:

@@ -49,6 +49,11 @@ class Objective:
     wanted : tuple of float, optional
         Accuracy of each coefficient that counts as one, in rad/s, g and rad; `default_wanted`
         where empty. Sum-rho does not depend on it.
+
+    Examples
+    --------
+    >>> Objective("min-max").kind
+    4
     """
 
     name: str = "min-max"
@@ -112,7 +117,13 @@ def judge(
     Raises
     ------
     InputError
-        If the scheme does not show every coefficient, naming the one most in what is not seen.
+        If a coefficient is not observable in the scheme, naming the one most in what is not seen.
+
+    Examples
+    --------
+    >>> from schuler.centrifuge import PUBLISHED_POSITIONS
+    >>> judge(Plant(), PUBLISHED_POSITIONS, 20.0).sigma.shape
+    (45,)
     """
     from schuler.estimate.information import covariance_of
     from schuler.kernels.scheme import objective as value_of
@@ -147,6 +158,12 @@ def time_to_reach(
     """Return the dwell at each position, s, after which every sigma is the wanted one.
 
     A whole number of turns of the arm, by bisection; infinite where `longest` is not enough.
+
+    Examples
+    --------
+    >>> from schuler.centrifuge import PUBLISHED_POSITIONS
+    >>> time_to_reach(Plant(), PUBLISHED_POSITIONS, longest=600.0) > 0.0
+    True
     """
     from schuler.kernels.scheme import LARGEST_SIGMA
     from schuler.kernels.scheme import objective as value_of

@@ -47,6 +47,12 @@ def write_outputs(
     ------
     InputError
         If a file cannot be written, or its name does not end on .csv, .parquet or .npz.
+
+    Examples
+    --------
+    >>> plant, scheme = Plant(), CentrifugeScheme(dwell=2.0)
+    >>> truth = sc.centrifuge.published_truth()
+    >>> write_outputs("test.csv", plant, scheme, np.zeros((6, 100, 3)), truth)
     """
     path = Path(path)
     if path.suffix not in _SUFFIXES:
@@ -80,10 +86,10 @@ def write_outputs(
 def _write_truth(path: Path, plant: Plant, scheme: CentrifugeScheme, truth: Array) -> None:
     import tomli_w
 
-    spoken = truth / coefficient_units(plant.d_oo)[1]
+    customary = truth / coefficient_units(plant.d_oo)[1]
     names = coefficient_names(plant.d_oo)
     table: dict[str, list[float]] = {}
-    for name, value in zip(names, spoken, strict=True):
+    for name, value in zip(names, customary, strict=True):
         # Fifteen digits: a unit's factor leaves 0.060000000000000005 else.
         table.setdefault("th" if name.startswith("th") else name[:-1], []).append(
             float(f"{value:.15g}")
@@ -119,6 +125,14 @@ def read_outputs(
     ------
     InputError
         For a file that cannot be read or does not fit, with the row.
+
+    Examples
+    --------
+    >>> plant, scheme = Plant(), CentrifugeScheme(dwell=2.0)
+    >>> write_outputs("read.csv", plant, scheme, np.zeros((6, 100, 3)))
+    >>> outputs, first = read_outputs("read.csv", plant, 6)
+    >>> outputs[0].shape
+    (100, 3)
     """
     from schuler.units import parse_factor
 

@@ -1,4 +1,4 @@
-"""Find the scheme of positions that tells most: many short searches, each from its own seed.
+"""Find the scheme of positions with the most information: many short searches from many seeds.
 
 Rounds (`schuler.centrifuge.search`) can run anywhere, in any order, and a search goes on where it
 stopped.
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._blas import with_one_blas_thread
 from schuler._result import Result, table_of_rows
 from schuler.centrifuge.objective import OBJECTIVES, judge
 from schuler.centrifuge.plant import PUBLISHED_POSITIONS
@@ -98,6 +99,7 @@ class Plan(Result):
         return super().to_pandas().set_index("name").astype(float)
 
 
+@with_one_blas_thread
 def plan(
     problem: Problem | None = None,
     *,
@@ -126,7 +128,7 @@ def plan(
     executor : concurrent.futures.Executor, optional
         Where rounds run; threads of this process where left out (the kernels let go of the GIL).
     first_round, best
-        To go on with an earlier search: its `rounds`, and its value and positions.
+        To resume an earlier search: its `rounds`, and its value and positions.
     progress : callable, optional
         Told seconds, best value, evaluations after each round.
 
@@ -136,6 +138,12 @@ def plan(
         For times or numbers that are not positive, or a problem that cannot be solved.
     SchulerError
         If the method's library is not installed.
+
+    Examples
+    --------
+    >>> found = plan(Problem(positions=4, dwell=2.0, method="de"), rounds=1, workers=1)
+    >>> len(found.positions)
+    4
     """
     problem = problem or Problem()
     if not time_limit > 0 or workers < 1 or (rounds is not None and rounds < 1):
@@ -206,6 +214,7 @@ def _finish(
     )
 
 
+@with_one_blas_thread
 def compare_objectives(
     found: Plan, *, rounds: int = 1, seed: int = 0, workers: int = 2,
     executor: Executor | None = None, progress: Callable[[str], None] | None = None,
@@ -242,6 +251,7 @@ def compare_objectives(
     return replace(found, scorecard=replace(card, best=best))
 
 
+@with_one_blas_thread
 def explore(
     problem: Problem,
     counts: range,

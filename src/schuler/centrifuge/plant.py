@@ -61,6 +61,12 @@ class Plant:
         Take Omega x (Omega x r) of the arm as well: 5e-9 g at 10 g.
     printed_gravity : bool
         Gravity's specific force points down, as eq. 10 prints it, and not up.
+
+    Examples
+    --------
+    >>> plant = Plant(force=10.0)
+    >>> plant.unknowns, plant.turns(20.0)
+    (45, 10)
     """
 
     force: float = 10.0

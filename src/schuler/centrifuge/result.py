@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._blas import with_one_blas_thread
 from schuler._result import Result, table_of_rows
 from schuler.centrifuge.coefficients import (
     PUBLISHED_ESTIMATES,
@@ -78,7 +79,7 @@ class CentrifugeTest(Result):
         ]
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return a row for each coefficient, in its spoken unit."""
+        """Return a row for each coefficient, in its customary unit."""
         units, factor = coefficient_units(self.plant.d_oo)
         published = true_coefficients({}, self.plant)
         printed = iter(PUBLISHED_ESTIMATES)
@@ -154,6 +155,7 @@ def _cell(value: float | None, form: str, width: int) -> str:
     return f"{'-' if value is None else format(value, form):>{width}}"
 
 
+@with_one_blas_thread
 def identify(
     plant: Plant, scheme: CentrifugeScheme, outputs: Sequence[Array] | Array | None = None,
     method: Ekf | None = None, *, first: Sequence[float] | None = None, truth: Array | None = None,
@@ -175,7 +177,13 @@ def identify(
     Raises
     ------
     InputError
-        For outputs that do not fit, or a scheme that does not show every coefficient.
+        For outputs that do not fit, or a scheme in which a coefficient is not observable.
+
+    Examples
+    --------
+    >>> plan = CentrifugeScheme(dwell=20.0)
+    >>> identify(Plant(), plan).judgement.sigma.shape
+    (45,)
     """
     forces = list(scheme.forces) or None
     information = scheme_information(plant, scheme.positions, scheme.dwell, forces)

@@ -25,6 +25,11 @@ class CentrifugeScheme:
         s at each.
     forces : tuple of float, optional
         Centripetal force at each position, g; the plant's own where empty.
+
+    Examples
+    --------
+    >>> CentrifugeScheme(dwell=20.0).to_dict()["dwell"]
+    20.0
     """
 
     positions: tuple[tuple[float, float, float], ...] = PUBLISHED_POSITIONS

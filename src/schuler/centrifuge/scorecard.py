@@ -28,7 +28,7 @@ LABELS = {
 
 @dataclass(frozen=True)
 class Scorecard:
-    """Values of a scheme by objective; infinite where it does not show every coefficient.
+    """Values of a scheme by objective; infinite where a coefficient is not observable.
 
     Parameters
     ----------
@@ -37,6 +37,14 @@ class Scorecard:
     plan, published : dict of str to float
     best : dict of str to float
         The least found by a search for that objective; empty where none was made.
+
+    Examples
+    --------
+    >>> from schuler.centrifuge import PUBLISHED_POSITIONS
+    >>> values = score(Plant(), PUBLISHED_POSITIONS, 20.0)
+    >>> card = Scorecard("min-max", plan=values, published=values)
+    >>> len(card.rows())
+    6
     """
 
     optimised: str
@@ -100,6 +108,13 @@ def by_objective(cards: Mapping[int, Scorecard]) -> str:
     ----------
     cards : mapping of int to Scorecard
         Of the plan with so many positions.
+
+    Examples
+    --------
+    >>> from schuler.centrifuge import PUBLISHED_POSITIONS
+    >>> values = score(Plant(), PUBLISHED_POSITIONS, 20.0)
+    >>> by_objective({6: Scorecard("min-max", values, values)}).splitlines()[0]
+    'positions                             6'
     """
     lines = [f"{'positions':28}" + "".join(f"{count:>11}" for count in cards)]
     for name, text in LABELS.items():
@@ -128,10 +143,16 @@ def score(
         s at each position.
     objective : Objective, optional
         Its wanted accuracies count.
+
+    Examples
+    --------
+    >>> from schuler.centrifuge import PUBLISHED_POSITIONS
+    >>> sorted(score(Plant(), PUBLISHED_POSITIONS, 20.0))
+    ['a', 'd', 'e', 'min-max', 'sum-rho', 'time']
     """
     try:
         values = dict(judge(plant, positions, dwell, objective).values)
     except InputError:
-        # A scheme that does not show every coefficient at this dwell.
+        # A scheme in which a coefficient is not observable at this dwell.
         values = dict.fromkeys((name for name in OBJECTIVES if name != "time"), float("inf"))
     return {**values, "time": time_to_reach(plant, positions, objective)}

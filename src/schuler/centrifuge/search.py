@@ -22,7 +22,7 @@ from schuler.centrifuge.information import Tables, position_matrices
 from schuler.centrifuge.objective import Objective
 from schuler.centrifuge.plant import Plant
 from schuler.constants import DEG
-from schuler.errors import InputError, SchulerError
+from schuler.errors import InputError, installed
 
 __all__ = [
     "HOPELESS", "SEARCHES", "AngleLimits", "Problem", "evaluate_positions", "run_round",
@@ -38,7 +38,13 @@ HOPELESS = 1e6
 
 @dataclass(frozen=True)
 class AngleLimits:
-    """Where the angles may lie: lowest and highest, deg; 0 to 360 is the whole circle."""
+    """Where the angles may lie: lowest and highest, deg; 0 to 360 is the whole circle.
+
+    Examples
+    --------
+    >>> AngleLimits(beta=(-30.0, 30.0)).beta
+    (-30.0, 30.0)
+    """
 
     alpha: tuple[float, float] = (0.0, 360.0)
     beta: tuple[float, float] = (0.0, 0.0)
@@ -96,6 +102,11 @@ class Problem:
     method : {"cma", "de", "ga"}
     whole : bool
         Whole degrees only.
+
+    Examples
+    --------
+    >>> Problem(positions=4, dwell=10.0).method
+    'cma'
     """
 
     plant: Plant = field(default_factory=Plant)
@@ -123,7 +134,15 @@ class Problem:
 
 
 def evaluate_positions(problem: Problem, schemes: Array) -> Array:
-    """Return the objectives (m,) of schemes (m, p, 3), deg; `time` as largest sigma / wanted."""
+    """Return the objectives (m,) of schemes (m, p, 3), deg; `time` as largest sigma / wanted.
+
+    Examples
+    --------
+    >>> scheme = [[45, 0, 167], [350, 0, 325], [209, 0, 182], [134, 0, 141]]
+    >>> schemes = np.array([scheme], float)
+    >>> evaluate_positions(Problem(positions=4), schemes).shape
+    (1,)
+    """
     from schuler.kernels.scheme import scheme_values
 
     tables = Tables(problem.plant, problem.dwell)
@@ -221,12 +240,8 @@ def _cma(
     rng: np.random.Generator,
 ) -> tuple[Array, int]:  # fmt: skip
     """Search by CMA-ES around a start; limits are kept by `value` itself, which wraps or clips."""
-    try:
+    with installed("this search needs the library cma", "plan"):
         import cma
-    except ImportError:
-        raise SchulerError(
-            "this search needs the library cma, which is not installed: pip install 'schuler[plan]'"
-        ) from None
     options = {
         "verbose": -9, "verb_log": 0, "verb_disp": 0, "seed": np.nan, "popsize": 16,
         "maxfevals": 3000, "tolx": 0.02, "tolfun": 1e-3,
@@ -264,14 +279,10 @@ def _ga(
     value: Callable[[Array], Array], size: int, low: Array, high: Array, rng: np.random.Generator
 ) -> tuple[Array, int]:
     """Search by the source's genetic algorithm, as pymoo has it."""
-    try:
+    with installed("this search needs pymoo", "genetic"):
         from pymoo.algorithms.soo.nonconvex.ga import GA
         from pymoo.core.problem import Problem as Asked
         from pymoo.optimize import minimize
-    except ImportError:
-        raise SchulerError(
-            "this search needs pymoo, which is not installed: pip install 'schuler[genetic]'"
-        ) from None
 
     class Scheme(Asked):  # type: ignore[misc]
         def __init__(self) -> None:

@@ -35,8 +35,7 @@ _KEYS = (
     "gnss", "gnss_sigma", "gnss_height", "gnss_topic", "lever", "delay", "odometer",
     "odometer_scale", "wheels", "odometer_lever", "nhc_lever", "dvl",
     "dvl_frame", "dvl_lever", *BESIDE, "aid_topic", "time_offset", "nhc", "zupt", "scale_states",
-    "estimate", "smooth", "outage",
-    "vibration", "robust",
+    "axes_states", "estimate", "smooth", "outage", "vibration", "robust",
 )  # fmt: skip
 _OFFSETS = ("gnss", "odometer", "dvl", "height", "heading")
 
@@ -109,6 +108,10 @@ def aiding_options(function: Any) -> Any:
         click.option(
             "--scale-states/--no-scale-states", default=False,
             help="Estimate scale factors of the sensors.",
+        ),
+        click.option(
+            "--axes-states/--no-axes-states", default=None,
+            help="Estimate misalignments of the sensors; where --spec has them by default.",
         ),
         click.option(
             "--estimate", metavar="LIST", help="Of delay, lever, mount, scale, with commas."
@@ -205,6 +208,7 @@ def navigate_with_aids(
     truth: Trajectory | None, outputs: tuple[PathOutput, Any, Any],
 ) -> int:  # fmt: skip
     """Run an aided navigation and say what came of it; return the exit code."""
+    from schuler.aiding.clock import utc_of_zero
     from schuler.io import read_gnss, read_speed
     from schuler.navigation import AidingOptions, Outages, evaluate, navigate_aided
     from schuler.record import ImuRecord
@@ -248,7 +252,8 @@ def navigate_with_aids(
     axle = lever_of(aids["nhc_lever"], "--nhc-lever")
     chosen = AidingOptions(
         non_holonomic=aids["nhc"], constraint_lever=axle, zero_velocity=aids["zupt"],
-        scale=aids["scale_states"], robust=aids["robust"], smooth=aids["smooth"], **more,
+        scale=aids["scale_states"], axes=aids["axes_states"], robust=aids["robust"],
+        smooth=aids["smooth"], **more,
     )  # fmt: skip
     begin, end = options.pop("start"), options.pop("stop")
     source, finish = open_file(options)
@@ -264,7 +269,9 @@ def navigate_with_aids(
     if truth is not None:
         # At the samples: a reference may have more rows than there are epochs.
         evaluation = evaluate(replace(out, every=1).of_aided(found, record), truth)
-    out.write(out.of_aided(found, record))
+    zero = utc_of_zero(gnss.clock, gnss.epoch)
+    utc = None if zero is None else zero - offsets.get("gnss", 0.0)
+    out.write(out.of_aided(found, record), utc)
     if json_to is not None:
         emit_json(_data(found, source, evaluation), json_to)
     draw(found, report_to, evaluation=evaluation)

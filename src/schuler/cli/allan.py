@@ -1,4 +1,4 @@
-"""The command ``schuler allan``, which tells an instrument's noise from a static record."""
+"""The command ``schuler allan``, which finds an instrument's noise in a static record."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.allan_variance.deviation import Allan
-    from schuler.allan_variance.fit import NoiseFit
+    from schuler.allan_variance.noise_fit import NoiseFit
 
 __all__ = ["command"]
 
@@ -82,7 +82,7 @@ def command(**options: Any) -> None:
 
     Averaging times are four an octave up to a third of the record when --taus is not given. The fit
     finds quantisation, random walk, bias instability, rate random walk and a steady drift (rate
-    ramp), with 1-sigma; a term that the record does not show has a limit (95 %) instead.
+    ramp), with 1-sigma; a term that is not observable in the record has a limit (95 %) instead.
 
     \b
       schuler allan static.csv --gyro deg/s --accel g --report noise.html

@@ -217,7 +217,7 @@ def _table(path: str) -> Any:
 @json_option()
 @report_option("Draw what was found, with its sigma.")
 def systematic(**options: Any) -> None:
-    """Calibrate FILE from a navigator's errors: turned on the spot, at rest between the turns.
+    """Calibrate FILE from a navigator's errors: turned in place, at rest between the turns.
 
     \b
       schuler calibrate systematic turns.csv --lat 48 --spec navigation-fog --out mine.toml

@@ -10,7 +10,7 @@ import click
 from schuler.cli.command import CONTRADICTED, Command, add_input, echo, wants_text
 from schuler.cli.common import draw, emit_json, json_option, report_option, say_warnings
 from schuler.cli.parameters import Count, InputFile, Seconds
-from schuler.errors import InputError
+from schuler.errors import InputError, located
 
 if TYPE_CHECKING:
     from schuler.centrifuge import CentrifugeScheme, Plant
@@ -140,10 +140,8 @@ def _truth(told: str | None, plant: Plant, needed: bool) -> Any:
     if told is None:
         return true_coefficients({}, plant) if needed else None
     data = read_toml(told)
-    try:
+    with located(Path(told)):
         return true_coefficients(data.get("truth", {} if "plant" in data else data), plant)
-    except InputError as error:
-        raise InputError(f"{Path(told)}: {error}") from None
 
 
 def _positions(text: str) -> Any:

@@ -44,7 +44,7 @@ def _results(function: F) -> F:
         ),
         click.option(
             "--base", type=InputFile(), metavar="TOML",
-            help="An earlier calibration, which has what this test does not show.",
+            help="An earlier calibration, which has what is not observable in this test.",
         ),
     ):  # fmt: skip
         function = option(function)

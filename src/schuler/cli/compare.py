@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+from schuler._processes import cores
 from schuler.cli.command import CONTRADICTED, Command, echo, wants_text
 from schuler.cli.common import (
     Look,
@@ -121,15 +122,16 @@ def command(**options: Any) -> int:
         record = ImuRecord.concatenate(list(look.through(chunks)), quality=source.quality)
 
     with counting("comparing", "methods") as tell:
-        begun: list[str] = []
+        done: list[str] = []
 
         def show(text: str) -> None:
-            tell(len(begun), len(pairs), text)
-            begun.append(text)
+            done.append(text)
+            tell(len(done), len(pairs), text)
 
         found = compare(
-            record, site, spec, pairs, window=window, within=band, heading=heading, progress=show
-        )
+            record, site, spec, pairs, window=window, within=band, heading=heading, progress=show,
+            workers=cores(),
+        )  # fmt: skip
     found = replace(
         found, contradictions=(*source.contradictions, *found.contradictions),
         read_as=source.meaning, assumed=tuple(source.assumed),

@@ -1,4 +1,4 @@
-"""The options ``--report`` and ``--figures``, and the drawing that they ask for."""
+"""The options ``--report`` and ``--figures``, and the drawing that they request."""
 
 from __future__ import annotations
 

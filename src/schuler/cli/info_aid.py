@@ -69,14 +69,20 @@ def _fixes(path: str, topic: str | None) -> tuple[dict[str, Any], list[str]]:
 
 def _speeds(path: str, topic: str | None) -> tuple[dict[str, Any], list[str]]:
     from schuler.io import read_speed
+    from schuler.io.aiding import speed_roles
+    from schuler.io.odometer import counts_pulses
 
-    speed = read_speed(path, topic=topic)
+    # A file does not say how long a pulse is: its speed is in pulses a second here.
+    pulses = counts_pulses(speed_roles(path))
+    speed = read_speed(path, topic=topic, pulse_length=1.0 if pulses else None)
     value, time = np.asarray(speed.value), np.asarray(speed.time)
     size = value if value.ndim == 1 else np.linalg.norm(value, axis=1)
+    unit, sigma = ("pulses_s", {}) if pulses else ("m_s", {"sigma_m_s": speed.sigma})
     data = {
         "format": "table", "rows": len(speed), **_span(time), "axes": 1 if value.ndim == 1 else 3,
-        "sigma_m_s": speed.sigma, "mean_m_s": float(np.mean(size)),
-        "largest_m_s": float(np.max(np.abs(size))), "dropped": dict(speed.dropped),
+        **sigma, f"mean_{unit}": float(np.mean(size)),
+        f"largest_{unit}": float(np.max(np.abs(size))), "dropped": dict(speed.dropped),
+        **({"notes": list(speed.notes)} if speed.notes else {}),
     }  # fmt: skip
     return data, []
 
@@ -172,6 +178,12 @@ def _print(data: Mapping[str, Any]) -> None:
         rows += [
             ("speed", f"{data['axes']} axes, mean {data['mean_m_s']:.4g} m/s, at most "
                       f"{data['largest_m_s']:.4g} m/s, 1-sigma {data['sigma_m_s']:.3g} m/s"),
+        ]  # fmt: skip
+    if "mean_pulses_s" in data:
+        rows += [
+            ("pulses", f"{data['mean_pulses_s']:.4g} a second on average, at most "
+                       f"{data['largest_pulses_s']:.4g}; navigate --odometer-scale takes the "
+                       "metres of one"),
         ]  # fmt: skip
     if "mean_axes_m_s" in data:
         said = ", ".join(f"{x:.4g}" for x in data["mean_axes_m_s"])

@@ -149,9 +149,10 @@ class PathOutput:
             self.to, self.layout
         )  # fmt: skip
 
-    def write(self, path: Trajectory) -> None:
-        """Write the file, if one is wanted."""
+    def write(self, path: Trajectory, utc: float | None = None) -> None:
+        """Write the file, if one is wanted; `utc` is the Unix time of the path's zero, s."""
         from schuler.io import write_trajectory
 
         if self.to is not None:
-            write_trajectory(path, self.to, layout=self.layout)
+            about = {} if utc is None else {"utc": utc}
+            write_trajectory(path, self.to, about, layout=self.layout)

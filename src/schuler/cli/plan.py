@@ -1,4 +1,4 @@
-"""The command ``schuler plan``, which finds the test, or the manoeuvre, that tells most."""
+"""The command ``schuler plan``, the test, or the manoeuvre, with the most information."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def command() -> None:
 )
 @click.option("--scheduler", metavar="tcp://...", help="A Dask cluster for the rounds.")
 @click.option(
-    "--resume", type=InputFile(), metavar="JSON", help="Go on with an earlier plan's --json."
+    "--resume", type=InputFile(), metavar="JSON", help="Resume from an earlier plan's --json."
 )
 @json_option("Write the plan as JSON (- : here).")
 @report_option("Draw the schemes and the trade.")
@@ -152,7 +152,7 @@ def centrifuge(**options: Any) -> None:
     }  # fmt: skip
     if options["resume"] is not None:
         if len(counts) > 1:
-            raise InputError("--resume goes on with one plan: say one number of --positions")
+            raise InputError("--resume continues one plan: say one number of --positions")
         settings |= _resumed(options["resume"], problem)
     if options["scheduler"]:
         from schuler.campaigns.execute import cluster_executor
@@ -275,7 +275,7 @@ def _pair(text: str, name: str) -> tuple[float, float]:
 
 
 def _resumed(path: str, problem: Any) -> dict[str, Any]:
-    """Return what `plan` needs to go on with an earlier result."""
+    """Return what `plan` needs to resume from an earlier result."""
     from pathlib import Path
 
     import numpy as np

@@ -46,7 +46,7 @@ _PLACES: dict[str, dict[str, str]] = {
     },
     "model": {key: key for key in (
         "spec", "gravity", "vertical", "gravity_sigma", "deflection_sigma", "vibration",
-        "scale_states",
+        "scale_states", "axes_states",
     )},
     "gnss": {
         "file": "gnss", "sigma": "gnss_sigma", "height": "gnss_height", "topic": "gnss_topic",

@@ -1,6 +1,6 @@
 """Scenario files: site, motion, instrument and seed in TOML, checked line by line.
 
-pydantic lives only here.
+pydantic is imported only here.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from schuler.config.locate import line_of, locate
 from schuler.config.override import apply
 from schuler.config.scenario import Scenario
 from schuler.earth import Site
-from schuler.errors import InputError
+from schuler.errors import InputError, located
 from schuler.sensors import GRADES, ImuSpec
 
 __all__ = ["load_scenario", "parse_scenario", "with_overrides"]
@@ -60,11 +60,9 @@ def load_scenario(path: str | Path, overrides: Mapping[str, Any] | None = None) 
         raise InputError(_syntax(path, text, str(error))) from None
     lines = locate(text)
     given = overrides or {}
-    try:
+    with located(path):
         apply(data, copy.deepcopy(dict(given)))
         files = (path, *_inline_instruments(data, path.parent))
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
     set_outside = [tuple(int(k) if k.isdigit() else k for k in key.split(".")) for key in given]
 
     def place(keys: Keys) -> str:
@@ -90,6 +88,15 @@ def parse_scenario(data: Mapping[str, Any], name: str = "scenario") -> Scenario:
     ------
     InputError
         With the key and what was expected there.
+
+    Examples
+    --------
+    >>> scene = parse_scenario({
+    ...     "duration": "10 s", "rate": "20 Hz", "seed": 1, "instrument": "navigation-fog",
+    ...     "site": {"lat": 48.1}, "motion": {"kind": "static", "heading": 30},
+    ... })
+    >>> scene.samples
+    200
     """
     return _checked(copy.deepcopy(dict(data)), name, lambda keys: name, {})
 
@@ -103,11 +110,9 @@ def with_overrides(scenario: Scenario, overrides: Mapping[str, Any]) -> Scenario
         With the key and what was expected there.
     """
     data = copy.deepcopy(dict(scenario.data))
-    try:
+    with located(scenario.name):
         apply(data, copy.deepcopy(dict(overrides)))
         _inline_instruments(data, scenario.folder)
-    except InputError as error:
-        raise InputError(f"{scenario.name}: {error}") from None
     said = ", ".join(f"{key} = {value}" for key, value in overrides.items())
     return _checked(
         data, scenario.name, lambda keys: f"{scenario.name} with {said}", {}, scenario.folder

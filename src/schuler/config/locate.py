@@ -1,6 +1,6 @@
 """Where each key of a TOML text stands: a line for every path of keys.
 
-`tomllib` tells values but not places. The text has been parsed by it before, so this scanner may
+`tomllib` gives values but not places. The text has been parsed by it before, so this scanner may
 take for granted that the text is valid, and needs to know only where strings, tables and arrays
 begin and end.
 """

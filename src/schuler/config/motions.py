@@ -169,7 +169,7 @@ class SeaTable(Strict):
 
 
 class HullTable(Strict):
-    """How the hull answers."""
+    """How the hull responds."""
 
     roll_period: PositiveTime = Hull.roll_period
     roll_damping: Positive = Hull.roll_damping

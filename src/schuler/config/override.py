@@ -19,9 +19,9 @@ def spec_table(spec: ImuSpec) -> dict[str, Any]:
     from dataclasses import fields
 
     out: dict[str, Any] = {"name": spec.name, "source": spec.source}
-    spoken = spec.describe()
+    customary = spec.describe()
     for section, part in (("gyro", spec.gyro), ("accelerometer", spec.accelerometer)):
-        units = {key: text.split(" ", 1)[1] for key, text in spoken[section].items()}
+        units = {key: text.split(" ", 1)[1] for key, text in customary[section].items()}
         out[section] = {
             f.name: f"{to_unit(getattr(part, f.name), units[f.name])!r} {units[f.name]}"
             for f in fields(part)
@@ -80,6 +80,11 @@ def parse_overrides(texts: Iterable[str], option: str = "--set") -> dict[str, An
     ------
     InputError
         For a text that is no ``key=value``, or a key that comes twice.
+
+    Examples
+    --------
+    >>> parse_overrides(["motion.heading=30"])
+    {'motion.heading': 30}
     """
     return {key: _value(value) for key, value in _pairs(texts, option)}
 
@@ -93,6 +98,11 @@ def parse_sweep(texts: Iterable[str], option: str = "--sweep") -> dict[str, tupl
     ------
     InputError
         As `parse_overrides`, and for an empty or repeated value.
+
+    Examples
+    --------
+    >>> parse_sweep(["motion.heading=0,90"])
+    {'motion.heading': (0, 90)}
     """
     out: dict[str, tuple[Any, ...]] = {}
     for key, text in _pairs(texts, option):

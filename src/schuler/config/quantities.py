@@ -1,6 +1,6 @@
 """The values of a scenario file: numbers with units, triples and bands.
 
-A quantity that people speak of in one unit may be a bare number in it: degrees for attitudes,
+A quantity with one customary unit may be a bare number in it: degrees for attitudes,
 metres for places. All others need their unit.
 """
 

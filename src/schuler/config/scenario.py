@@ -57,6 +57,12 @@ class Scenario:
         Beside which the files of instruments are looked for.
     files : tuple of Path
         The files that it was read from: its own, and those of instruments.
+
+    Examples
+    --------
+    >>> scene = sc.load_scenario("truck.toml")
+    >>> scene.kind, scene.samples
+    ('vehicle', 1200)
     """
 
     name: str

@@ -30,6 +30,12 @@ def gls_information(h: Array, noise: Array) -> Array:
     ------
     InputError
         If the noise is not positive definite.
+
+    Examples
+    --------
+    >>> h = np.ones((4, 1, 1))
+    >>> gls_information(h, np.eye(4)).tolist()
+    [[4.0]]
     """
     try:
         factor = np.linalg.cholesky(noise)
@@ -56,12 +62,17 @@ def covariance_of(information: Array, names: tuple[str, ...]) -> Array:
     ------
     InputError
         If a combination of unknowns is not observable, naming the one most in it.
+
+    Examples
+    --------
+    >>> covariance_of(np.diag([4.0, 25.0]), ("bias", "drift")).tolist()
+    [[0.25, 0.0], [0.0, 0.04]]
     """
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
     scaled = information / np.outer(scale, scale)
     values, vectors = np.linalg.eigh(scaled)
     if values[0] <= 1e-13 * values[-1]:
         worst = names[int(np.argmax(np.abs(vectors[:, 0])))]
-        raise InputError(f"these measurements do not show {worst}")
+        raise InputError(f"not observable in these measurements: {worst}")
     inverse = (vectors / values) @ vectors.T
     return np.asarray(inverse / np.outer(scale, scale))

@@ -43,6 +43,13 @@ class VectorSums:
         Weighted sums.
     rv, rr : (3, 3) float64
         Weighted sums of r v^T and r r^T.
+
+    Examples
+    --------
+    >>> sums = VectorSums.empty()
+    >>> sums.add(np.eye(3), np.eye(3)[[1, 2, 0]])
+    >>> sums.solve().round(9)[0].tolist()
+    [0.0, 1.0, 0.0]
     """
 
     weight: float
@@ -119,6 +126,12 @@ def triad(r1: ArrayLike, r2: ArrayLike, v1: ArrayLike, v2: ArrayLike) -> Array:
     ------
     InputError
         If a vector is zero or the two are parallel.
+
+    Examples
+    --------
+    >>> up, north = [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]
+    >>> triad(up, north, up, [-1.0, 0.0, 0.0]).round(3)[0].tolist()
+    [0.0, 1.0, 0.0]
     """
     reference = _frame(np.asarray(r1, np.float64), np.asarray(r2, np.float64))
     observed = _frame(np.asarray(v1, np.float64), np.asarray(v2, np.float64))
@@ -126,7 +139,7 @@ def triad(r1: ArrayLike, r2: ArrayLike, v1: ArrayLike, v2: ArrayLike) -> Array:
 
 
 def triad_jacobian(r1: ArrayLike, r2: ArrayLike) -> tuple[Array, Array]:
-    """Return how phi of `triad` answers to errors of the two observed vectors, (3, 3) each.
+    """Return how phi of `triad` responds to errors of the two observed vectors, (3, 3) each.
 
     The errors are those of R v, in the reference frame and in the vectors' unit; phi is linear in
     them as long as they are small.
@@ -135,6 +148,12 @@ def triad_jacobian(r1: ArrayLike, r2: ArrayLike) -> tuple[Array, Array]:
     ------
     InputError
         If a vector is zero or the two are parallel.
+
+    Examples
+    --------
+    >>> first, second = triad_jacobian([0.0, 0.0, 1.0], [0.0, 1.0, 0.0])
+    >>> first.shape
+    (3, 3)
     """
     a, b = _unit(r1, "one"), _unit(r2, "two")
     m = np.cross(a, b)
@@ -158,6 +177,12 @@ def triad_covariance(r1: ArrayLike, r2: ArrayLike, variance1: float, variance2: 
         Reference directions.
     variance1, variance2 : float
         Variance of each unit vector's error across its direction, rad^2.
+
+    Examples
+    --------
+    >>> p = triad_covariance([0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 1e-8, 1e-6)
+    >>> round(float(p[2, 2] ** 0.5), 6)
+    0.001
     """
     j1, j2 = triad_jacobian(_unit(r1, "one"), _unit(r2, "two"))
     return variance1 * (j1 @ j1.T) + variance2 * (j2 @ j2.T)
@@ -170,6 +195,11 @@ def wahba_svd(b: ArrayLike) -> Array:
     ------
     InputError
         If B is not finite or does not fix the attitude (rank below two).
+
+    Examples
+    --------
+    >>> wahba_svd(np.diag([3.0, 2.0, 1.0])).tolist()
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     """
     m = np.asarray(b, np.float64)
     if not np.all(np.isfinite(m)):
@@ -185,6 +215,11 @@ def davenport(b: ArrayLike) -> Array:
     """Return the optimal quaternion (w, x, y, z), w >= 0, by Davenport's q-method.
 
     The same answer as `wahba_svd`, through the largest eigenvector of the 4x4 K matrix.
+
+    Examples
+    --------
+    >>> davenport(np.diag([3.0, 2.0, 1.0])).tolist()
+    [1.0, 0.0, 0.0, 0.0]
     """
     m = np.asarray(b, np.float64)
     if not np.all(np.isfinite(m)):
@@ -211,6 +246,11 @@ def wahba_covariance(rr: ArrayLike, variance: float) -> Array:
     ------
     InputError
         If S is not finite or the references all lie on one line.
+
+    Examples
+    --------
+    >>> wahba_covariance(np.diag([1.0, 1.0, 1.0]), 1e-6).round(9).tolist()[0]
+    [5e-07, 0.0, 0.0]
     """
     s = np.asarray(rr, np.float64)
     if not np.all(np.isfinite(s)):

@@ -130,6 +130,16 @@ def coarse(
     ------
     InputError
         If there are too few rows, or they show no heading; it says what is missing.
+
+    Examples
+    --------
+    >>> from schuler.in_motion.body import body_rows
+    >>> from schuler.in_motion.series import velocity_series
+    >>> series = velocity_series(body_rows(drive, gnss.time), gnss)
+    >>> place = site.latitude, site.longitude
+    >>> found = coarse(series, spec, place, drive.start, np.eye(3), np.zeros((3, 3)))
+    >>> bool(found.heading_sigma < 0.1)
+    True
     """
     n = len(series)
     if n < LEAST_ROWS:

@@ -51,6 +51,13 @@ class Span:
         Gyro bias that rest before showed, rad/s.
     site : Site
         Where the vehicle is at the start.
+
+    Examples
+    --------
+    >>> span = Span(drive, gnss, spec, np.zeros(3), sc.Site(48.1, 11.6, 500.0))
+    >>> aid, found = span.coarse()
+    >>> bool(found.heading_sigma < 0.1)
+    True
     """
 
     record: ImuRecord

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """What a measurement may ask of a filter at its instant.
+    """What a measurement may use of a filter at its instant.
 
     Parameters
     ----------
@@ -41,6 +41,14 @@ class State:
         Where the columns of H are.
     index : int
         Which measurement of the aid is asked for.
+
+    Examples
+    --------
+    >>> layout = Layout(["phi", "velocity", "position"])
+    >>> level, zero = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
+    >>> now = State(0.0, level, zero, zero, 0.8, 0.2, 500.0, 0.0, {}, layout, 0)
+    >>> now.row({"position": [0.0, 0.0, 1.0]}).tolist()
+    [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
     """
 
     time: float
@@ -71,6 +79,16 @@ class CustomMeasurement(Protocol):
     up to six numbers; errors are those that `schuler.ins` says, estimate minus truth but for the
     sensors' errors, which are truth minus estimate. Where it has an attribute `states`, a sequence
     of `StateGroup`, `schuler.navigation.navigate_aided` adds them to its filter.
+
+    Examples
+    --------
+    >>> class Barometer:
+    ...     name, handling, time = "barometer", Handling(), [1.0, 2.0]
+    ...     def rows(self, state):
+    ...         row = state.row({"position": [0.0, 0.0, 1.0]})
+    ...         return [state.height - 500.0], [row], [1.0]
+    >>> isinstance(Barometer(), CustomMeasurement)
+    True
     """
 
     @property

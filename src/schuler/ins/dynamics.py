@@ -43,6 +43,11 @@ class GroupNoise:
         Of a first-order Gauss-Markov process; time infinite for a constant.
     source : str
         What the noise counts as in a budget.
+
+    Examples
+    --------
+    >>> GroupNoise(walk=1e-8, source="disturbance").walk
+    1e-08
     """
 
     walk: ArrayLike = 0.0
@@ -62,6 +67,13 @@ class ProcessNoise:
     source : (padded,) int64
         Index into `sources`.
     sources : tuple of str
+
+    Examples
+    --------
+    >>> layout = Layout(["phi", "velocity", "gyro_bias"])
+    >>> noise = ProcessNoise.of(layout, instrument_noise(layout, spec))
+    >>> bool(noise.walk[0] == spec.gyro.angle_random_walk**2)
+    True
     """
 
     walk: Array
@@ -163,6 +175,12 @@ def instrument_prior(layout: Layout, spec: ImuSpec | None) -> dict[str, float]:
     layout : Layout
     spec : ImuSpec or None
         None is an instrument without errors: biases so small that they do not matter.
+
+    Examples
+    --------
+    >>> layout = Layout(["phi", "velocity", "gyro_bias"])
+    >>> sorted(instrument_prior(layout, spec))
+    ['gyro_bias']
     """
     sigma = {"gyro_bias": LEAST_GYRO_BIAS, "accelerometer_bias": LEAST_ACCELEROMETER_BIAS}
     if spec is not None:

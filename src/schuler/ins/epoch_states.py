@@ -51,6 +51,12 @@ class EpochStates:
     settings : (array, array)
         Of the filter.
     smoothed : bool
+
+    Examples
+    --------
+    >>> states = aided.epochs.at_samples(drive)
+    >>> bool(np.all(np.isin(drive.time[100:200], states.time)))
+    True
     """
 
     layout: Layout

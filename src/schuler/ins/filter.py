@@ -79,6 +79,16 @@ class ErrorStateFilter(FilterState):
     ------
     InputError
         For arrays of another shape, or numbers that are not finite.
+
+    Examples
+    --------
+    >>> from schuler.ins import Layout, ProcessNoise, Velocity
+    >>> layout = Layout(["phi", "velocity"])
+    >>> rest, start = Velocity([1.0, 2.0], [0.0, 0.0, 0.0], 0.01), made.truth.quat_nb[0]
+    >>> noise = ProcessNoise.of(layout, {})
+    >>> flt = ErrorStateFilter(layout, site, start, 1e-4 * np.eye(6), noise, [rest])
+    >>> bool(np.abs(flt.update(record.between(None, 2.5)).v_n).max() < 0.02)
+    True
     """
 
     def __init__(
@@ -130,7 +140,7 @@ class ErrorStateFilter(FilterState):
                     raise InputError(f"{aid.label}: the layout has no group '{missing[0]}'")
             else:
                 self._aids[k] = handled(aid.handling, noise.sources)
-            queue.append(self._rows_of(k))
+            queue.append(aid.table(k) if isinstance(aid, Measurement) else custom_table(aid, k))
         self._queue = np.zeros((0, kernel.M_SIZE))
         self._enqueue(queue)
         self._transition, self._decay = np.zeros((9, size)), np.ones(size)
@@ -146,10 +156,6 @@ class ErrorStateFilter(FilterState):
             # The start is an epoch without measurements.
             self._kept_x.append(np.stack([self._x, self._x, np.zeros(size)])[None])
             self._kept_p.append(np.stack([self._p, self._p, np.eye(size)])[None])
-
-    def _rows_of(self, k: int) -> Array:
-        aid = self.aids[k]
-        return aid.table(k) if isinstance(aid, Measurement) else custom_table(aid, k)
 
     def _enqueue(self, tables: Sequence[Array]) -> None:
         rows = np.concatenate([self._queue, *tables])
@@ -336,8 +342,7 @@ class ErrorStateFilter(FilterState):
         A weight of 0 is a measurement that was refused.
         """
         names = [a.label if isinstance(a, Measurement) else a.name for a in self.aids]
-        width = kernel.M_SIZE + kernel.D_SIZE
-        rows = np.concatenate([np.zeros((0, width)), *self._innovations])
+        rows = np.concatenate([np.zeros((0, kernel.M_SIZE + kernel.D_SIZE)), *self._innovations])
         rows = rows[rows[:, kernel.M_AID] == names.index(aid)]
         first = kernel.M_SIZE
         return (

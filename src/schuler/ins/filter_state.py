@@ -48,6 +48,15 @@ class FilterState:
     ------
     InputError
         For arrays of another shape, or numbers that are not finite.
+
+    Examples
+    --------
+    >>> from schuler.ins import ErrorStateFilter, ProcessNoise
+    >>> layout = Layout(["phi", "velocity"])
+    >>> noise = ProcessNoise.of(layout, {})
+    >>> flt = ErrorStateFilter(layout, site, [1.0, 0.0, 0.0, 0.0], 1e-6 * np.eye(6), noise)
+    >>> isinstance(flt, FilterState), flt.samples, flt.height
+    (True, 0, 500.0)
     """
 
     def __init__(

@@ -101,7 +101,7 @@ class Layout:
 
     @property
     def padded(self) -> int:
-        """Length of a padded row, as the kernel wants it."""
+        """Length of a padded row, as the kernel needs it."""
         return ins_layout.padded(self.size)
 
     @cached_property

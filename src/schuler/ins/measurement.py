@@ -40,6 +40,11 @@ class Handling:
         noise; 0 is off.
     source : str
         What its noise counts as in a budget.
+
+    Examples
+    --------
+    >>> Handling(gate=0.999, robust="huber").robust
+    'huber'
     """
 
     gate: float | None = None
@@ -102,6 +107,13 @@ class Measurement:
         The body's rate against n and its rate of change at the instants, body axes, rad/s and
         rad/s^2, where they are better known than by the gyros: their noise does not then enter a
         row of H, where it would make lever arms and delays look observable.
+
+    Examples
+    --------
+    >>> from schuler.ins import Velocity
+    >>> speed = Velocity([1.0], [10.0, 0.0, 0.0], 0.05, name="gnss", estimate=("delay",))
+    >>> isinstance(speed, Measurement), speed.groups
+    (True, [('gnss.delay', 1)])
     """
 
     time: ArrayLike

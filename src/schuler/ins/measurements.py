@@ -13,6 +13,7 @@ from schuler.errors import InputError
 from schuler.ins.layout import Layout
 from schuler.ins.measurement import Measurement
 from schuler.kernels import ins_layout as kernel
+from schuler.kernels import measurement_rows
 
 __all__ = [
     "Attitude", "BodyVelocity", "ConstantBase", "Heading", "Height", "NonHolonomic",
@@ -28,23 +29,41 @@ class Position(Measurement):
     """Position of a point of the body: latitude, longitude (rad) and height (m).
 
     sigma is east, north and up, m.
+
+    Examples
+    --------
+    >>> place = [[site.latitude, site.longitude, site.height]]
+    >>> Position([1.0], place, [1.0, 1.0, 2.0], name="gnss", estimate=("lever",)).groups
+    [('gnss.lever', 3)]
     """
 
-    KIND: ClassVar[int] = kernel.POSITION_FIX
+    KIND: ClassVar[int] = measurement_rows.POSITION_FIX
     LABEL: ClassVar[str] = "position"
 
 
 @dataclass(frozen=True, eq=False)
 class Velocity(Measurement):
-    """Velocity of a point of the body: east, north, up, m/s."""
+    """Velocity of a point of the body: east, north, up, m/s.
 
-    KIND: ClassVar[int] = kernel.VELOCITY_FIX
+    Examples
+    --------
+    >>> Velocity([1.0, 2.0], [[10.0, 0.0, 0.0], [10.1, 0.0, 0.0]], 0.05, name="gnss").label
+    'gnss'
+    """
+
+    KIND: ClassVar[int] = measurement_rows.VELOCITY_FIX
     LABEL: ClassVar[str] = "velocity"
 
 
 @dataclass(frozen=True, eq=False)
 class ZeroVelocity(Velocity):
-    """A point of the body is at rest."""
+    """A point of the body is at rest.
+
+    Examples
+    --------
+    >>> ZeroVelocity([1.0, 2.0], sigma=0.01).label
+    'zero_velocity'
+    """
 
     LABEL: ClassVar[str] = "zero_velocity"
 
@@ -61,13 +80,19 @@ class BodyVelocity(Measurement):
         Scale factor: (1 + scale) times the true velocity is measured.
     mount_axes : str
         Axes about which an estimated mounting rotates, of "xyz".
+
+    Examples
+    --------
+    >>> speeds = [[0.0, 10.0, 0.0], [0.0, 10.1, 0.0]]
+    >>> BodyVelocity([1.0, 2.0], speeds, 0.05, name="odometer", estimate=("scale",)).groups
+    [('odometer.scale', 1)]
     """
 
     mount: ArrayLike = (1.0, 0.0, 0.0, 0.0)
     scale: float = 0.0
     mount_axes: str = "xyz"
 
-    KIND: ClassVar[int] = kernel.BODY_VELOCITY
+    KIND: ClassVar[int] = measurement_rows.BODY_VELOCITY
     STATES: ClassVar[Mapping[str, int]] = {"scale": 1, "mount": 3, "lever": 3}
     LABEL: ClassVar[str] = "body_velocity"
 
@@ -120,9 +145,14 @@ class Attitude(_OfMaster):
 
     sigma is east, north and up, rad. With the group "flexure" in the layout the master's mounting
     also bends.
+
+    Examples
+    --------
+    >>> Attitude([1.0, 2.0], np.zeros((2, 3)), 1e-3, name="master").label
+    'master'
     """
 
-    KIND: ClassVar[int] = kernel.ATTITUDE_FIX
+    KIND: ClassVar[int] = measurement_rows.ATTITUDE_FIX
     LABEL: ClassVar[str] = "attitude"
 
 
@@ -131,9 +161,14 @@ class Rate(_OfMaster):
     """Angular rate of a master against inertial space, its own body axes, rad/s.
 
     sigma is along the axes of the body that is navigated, rad/s.
+
+    Examples
+    --------
+    >>> Rate([1.0, 2.0], np.zeros((2, 3)), 1e-4, name="master").label
+    'master'
     """
 
-    KIND: ClassVar[int] = kernel.RATE_FIX
+    KIND: ClassVar[int] = measurement_rows.RATE_FIX
     LABEL: ClassVar[str] = "rate"
 
 
@@ -142,6 +177,11 @@ class NonHolonomic(BodyVelocity):
     """A wheeled vehicle moves neither sideways nor up where its wheels touch the ground.
 
     sigma is one number for both, m/s.
+
+    Examples
+    --------
+    >>> NonHolonomic([1.0, 2.0], sigma=0.1, estimate=("mount",)).groups
+    [('non_holonomic.mount', 2)]
     """
 
     mount_axes: str = "xz"
@@ -157,9 +197,15 @@ class NonHolonomic(BodyVelocity):
 
 @dataclass(frozen=True, eq=False)
 class ZeroRate(Measurement):
-    """Mean angular rate of a body at rest, as the gyros read it, rad/s."""
+    """Mean angular rate of a body at rest, as the gyros read it, rad/s.
 
-    KIND: ClassVar[int] = kernel.ZERO_RATE
+    Examples
+    --------
+    >>> ZeroRate([1.0, 2.0], [[1e-5, 0.0, 0.0], [1e-5, 0.0, 0.0]], 1e-6).label
+    'zero_rate'
+    """
+
+    KIND: ClassVar[int] = measurement_rows.ZERO_RATE
     STATES: ClassVar[Mapping[str, int]] = {}
     LABEL: ClassVar[str] = "zero_rate"
 
@@ -192,11 +238,16 @@ class Height(_Scalar):
     ----------
     offset : float
         Measured minus true height, m.
+
+    Examples
+    --------
+    >>> Height([1.0, 2.0], [500.0, 501.0], 1.0, estimate=("offset",)).groups
+    [('height.offset', 1)]
     """
 
     offset: float = 0.0
 
-    KIND: ClassVar[int] = kernel.HEIGHT_FIX
+    KIND: ClassVar[int] = measurement_rows.HEIGHT_FIX
     STATES: ClassVar[Mapping[str, int]] = {"lever": 3, "offset": 1}
     LABEL: ClassVar[str] = "height"
 
@@ -215,11 +266,16 @@ class Heading(_Scalar):
     ----------
     baseline : (3,) array_like
         In body axes; forward by default.
+
+    Examples
+    --------
+    >>> Heading([1.0, 2.0], [0.5, 0.51], 0.003).label
+    'heading'
     """
 
     baseline: ArrayLike = (0.0, 1.0, 0.0)
 
-    KIND: ClassVar[int] = kernel.HEADING_FIX
+    KIND: ClassVar[int] = measurement_rows.HEADING_FIX
     STATES: ClassVar[Mapping[str, int]] = {}
     LABEL: ClassVar[str] = "heading"
 
@@ -232,9 +288,15 @@ class Heading(_Scalar):
 
 @dataclass(frozen=True, eq=False)
 class OutputEpoch(Measurement):
-    """An instant at which nothing is measured: a row of output, and an epoch of the smoother."""
+    """An instant at which nothing is measured: a row of output, and an epoch of the smoother.
 
-    KIND: ClassVar[int] = kernel.VELOCITY_FIX
+    Examples
+    --------
+    >>> OutputEpoch([1.0, 2.0]).label
+    'output_epoch'
+    """
+
+    KIND: ClassVar[int] = measurement_rows.VELOCITY_FIX
     STATES: ClassVar[Mapping[str, int]] = {}
     LABEL: ClassVar[str] = "output_epoch"
 
@@ -247,18 +309,30 @@ class OutputEpoch(Measurement):
 
 @dataclass(frozen=True, eq=False)
 class ZeroDisplacement(Measurement):
-    """A point of a stationary vehicle stays where it was at the start, m."""
+    """A point of a stationary vehicle stays where it was at the start, m.
 
-    KIND: ClassVar[int] = kernel.ZERO_DISPLACEMENT
+    Examples
+    --------
+    >>> ZeroDisplacement([1.0, 2.0], sigma=0.01).label
+    'zero_displacement'
+    """
+
+    KIND: ClassVar[int] = measurement_rows.ZERO_DISPLACEMENT
     STATES: ClassVar[Mapping[str, int]] = {"lever": 3}
     LABEL: ClassVar[str] = "zero_displacement"
 
 
 @dataclass(frozen=True, eq=False)
 class ConstantBase(Measurement):
-    """The base of a stationary vehicle has not rotated since the start, rad."""
+    """The base of a stationary vehicle has not rotated since the start, rad.
 
-    KIND: ClassVar[int] = kernel.CONSTANT_BASE
+    Examples
+    --------
+    >>> ConstantBase([1.0, 2.0], sigma=1e-4).groups
+    [('base', 3)]
+    """
+
+    KIND: ClassVar[int] = measurement_rows.CONSTANT_BASE
     STATES: ClassVar[Mapping[str, int]] = {}
     LABEL: ClassVar[str] = "constant_base"
 
@@ -270,9 +344,15 @@ class ConstantBase(Measurement):
 
 @dataclass(frozen=True, eq=False)
 class ZeroForce(Measurement):
-    """The horizontal specific force of a stationary vehicle is zero on average, m/s^2."""
+    """The horizontal specific force of a stationary vehicle is zero on average, m/s^2.
 
-    KIND: ClassVar[int] = kernel.ZERO_FORCE
+    Examples
+    --------
+    >>> ZeroForce([1.0, 2.0], sigma=0.01).label
+    'zero_force'
+    """
+
+    KIND: ClassVar[int] = measurement_rows.ZERO_FORCE
     STATES: ClassVar[Mapping[str, int]] = {}
     LABEL: ClassVar[str] = "zero_force"
 

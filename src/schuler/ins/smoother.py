@@ -29,6 +29,11 @@ class Epochs:
         Error estimates before the measurements, after them and the feedback, and what was fed back.
     p : (k, 3, n, n) float64
         Covariance before and after, and the transition from the epoch before.
+
+    Examples
+    --------
+    >>> Epochs(np.zeros((1, 3, 2)), np.ones((1, 3, 1, 1)) * np.eye(2)).x.shape
+    (1, 3, 2)
     """
 
     x: Array
@@ -67,7 +72,16 @@ class Smoothed:
 
 
 def smooth(epochs: Epochs) -> tuple[Array, Array]:
-    """Return smoothed errors (k, n) and covariances (k, n, n)."""
+    """Return smoothed errors (k, n) and covariances (k, n, n).
+
+    Examples
+    --------
+    >>> x, p = np.zeros((2, 3, 1)), np.ones((2, 3, 1, 1))
+    >>> p[1, 1] = 0.5
+    >>> error, covariance = smooth(Epochs(x, p))
+    >>> covariance.ravel().tolist()
+    [0.5, 0.5]
+    """
     from schuler.kernels import smoothing
 
     x, p = np.ascontiguousarray(epochs.x), np.ascontiguousarray(epochs.p)

@@ -40,6 +40,11 @@ class StateGroup:
     ------
     InputError
         For a name without a point or sigma that is not positive.
+
+    Examples
+    --------
+    >>> StateGroup("compass.deviation", sigma=0.05).size
+    1
     """
 
     name: str
@@ -73,6 +78,12 @@ def groups_of(aids: Iterable[Any]) -> dict[str, StateGroup]:
     ------
     InputError
         If two different groups have one name.
+
+    Examples
+    --------
+    >>> from schuler.ins import Velocity
+    >>> groups_of([Velocity([1.0], [0.0, 0.0, 0.0], 0.1)])
+    {}
     """
     out: dict[str, StateGroup] = {}
     for aid in aids:

@@ -49,6 +49,11 @@ def aid_kind(path: str | Path) -> str | None:
     ----------
     path : str or Path
         A pipe is never looked at: what is taken from it is gone.
+
+    Examples
+    --------
+    >>> aid_kind("gnss.csv"), aid_kind("imu.csv")
+    ('fixes', None)
     """
     path = Path(path)
     if str(path) == "-" or is_pipe(path):
@@ -68,7 +73,7 @@ def aid_kind(path: str | Path) -> str | None:
                 return "fixes"
             return _named(set(names))
     except (InputError, OSError):
-        # What is damaged is spoken of by whoever reads it.
+        # What is damaged is said by whoever reads it.
         return None
 
 

@@ -62,7 +62,7 @@ def read_height(
     offset: float = 0.0,
     name: str = "height",
 ) -> Height:
-    """Read heights, depths or pressures from a table with named columns.
+    r"""Read heights, depths or pressures from a table with named columns.
 
     Parameters
     ----------
@@ -81,6 +81,13 @@ def read_height(
     ------
     InputError
         If the file cannot be read, or lacks time or height.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> length = Path("height.csv").write_text("time,height\n1,500\n2,501\n")
+    >>> read_height("height.csv", sigma=0.5).height
+    array([500., 501.])
     """
     path = Path(path)
     with local_file(path) as there:
@@ -110,7 +117,7 @@ def read_heading(
     offset: float = 0.0,
     name: str = "heading",
 ) -> HeadingFixes:
-    """Read headings of two antennas or a compass from a table, or HDT sentences of NMEA.
+    r"""Read headings of two antennas or a compass from a table, or HDT sentences of NMEA.
 
     Parameters
     ----------
@@ -130,6 +137,13 @@ def read_heading(
     ------
     InputError
         If the file cannot be read, or lacks time or heading.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> length = Path("compass.csv").write_text("time,heading\n1,30\n2,31\n")
+    >>> read_heading("compass.csv").time.tolist()
+    [1.0, 2.0]
     """
     path = Path(path)
     with local_file(path) as there:
@@ -164,7 +178,7 @@ def read_dvl(
     topic: str | None = None,
     name: str = "dvl",
 ) -> BodyVelocity:
-    """Read velocities along a sensor's axes from a table, or from Odometry or a twist of ROS.
+    r"""Read velocities along a sensor's axes from a table, or from Odometry or a twist of ROS.
 
     Parameters
     ----------
@@ -186,6 +200,13 @@ def read_dvl(
     ------
     InputError
         If the file cannot be read, or lacks time or velocity.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> length = Path("dvl.csv").write_text("time,vx,vy,vz\n1,0,2,0\n2,0,2.1,0\n")
+    >>> read_dvl("dvl.csv", frame="RFU").time.tolist()
+    [1.0, 2.0]
     """
     path = Path(path)
     with local_file(path) as there:

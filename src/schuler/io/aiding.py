@@ -218,6 +218,20 @@ def _fixes(
     )  # fmt: skip
 
 
+def speed_roles(path: str | Path) -> set[str]:
+    """Return the roles of the columns of a table of speeds; none for a ROS bag.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    path = Path(path)
+    with local_file(path) as there:
+        bag = RosFixReader().sniff(head_of(there))
+        return set() if bag else set(read_named(there, _SPEED))
+
+
 def read_speed(
     path: str | Path,
     *,

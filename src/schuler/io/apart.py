@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from schuler.errors import InputError
+from schuler.errors import InputError, located
 from schuler.io.content import Content, wrapped
 from schuler.io.join import join
 from schuler.io.mapping import Mapping
@@ -59,8 +59,6 @@ def with_accelerometers(
     else:
         with path.open("rb") as file:
             head = file.read(_HEAD)
-    try:
+    with located(f"the accelerometers' {label}"):
         opened = find_reader(path, head, mapping.format).open(path, mapping)
-    except InputError as error:
-        raise InputError(f"the accelerometers' {label}: {error}") from None
     return join(gyros, wrapped(opened), mapping, max_gap, label)

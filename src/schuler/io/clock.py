@@ -1,4 +1,4 @@
-"""From a file's stamps to seconds: their unit, where nobody says it, and stamps that start again.
+"""From a file's stamps to seconds: their unit, where it is not given, and stamps that start again.
 
 The unit is found by the rate that it gives. Stamps that advance by more than 2 cannot be seconds of
 an inertial sensor: of ms, us and ns exactly one gives 2 to 2000 Hz. A large number is a date: about
@@ -76,7 +76,7 @@ class Clock:
 
     @property
     def label(self) -> str:
-        """How to speak of the unit."""
+        """What messages call the unit."""
         return f"{self.unit} (found by the stamps)" if self.found else self.unit
 
     def look(self, stamps: Array) -> None:

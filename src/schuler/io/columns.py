@@ -29,7 +29,7 @@ class Chosen:
     gyro, accel, time : str or None
         Units from bracketed names, or from names that can only be increments.
     t_label : str
-        How to speak of the time column.
+        What messages call the time column.
     t_part : int or None
         A second column of time, where it is in two.
     t_part_unit : float

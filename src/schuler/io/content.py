@@ -55,11 +55,11 @@ class Content:
     said : Mapping
         Units, axes, rate and flags that the file states itself.
     time_label : str
-        How to speak of the time column, ``"column 't'"``.
+        What messages call the time column, ``"column 't'"``.
     factors : (6,) float64, optional
         Factors to SI that a header gives more exactly than a unit can say.
     units_label : str, optional
-        How to speak of those.
+        What messages call those.
     name : str, optional
         The record's name, where the file holds one.
     rows : int, optional
@@ -80,7 +80,7 @@ class Content:
     fixed : bool
         The format fixes what the numbers are, as that of ROS does: no other unit can be meant.
     stamps : (k,) float64, optional
-        The first stamps, by which their unit is found where nobody says it.
+        The first stamps, by which their unit is found where it is not given.
     sample : sequence of (k,) float64, optional
         The values of the first rows, by which rows are known that hold one sensor or the other.
     """
@@ -105,7 +105,13 @@ class Content:
 
 @runtime_checkable
 class Reader(Protocol):
-    """What a format's reader is; the module's docstring says it in words."""
+    """What a format's reader is; the module's docstring says it in words.
+
+    Examples
+    --------
+    >>> isinstance(sc.io.readers()["npz"], Reader)
+    True
+    """
 
     name: str
     suffixes: tuple[str, ...]
@@ -122,7 +128,13 @@ class Reader(Protocol):
 
 
 def wrapped(opened: Any) -> Content:
-    """Return what a reader gives as a `Content`: a simple one gives pairs of time and values."""
+    """Return what a reader gives as a `Content`: a simple one gives pairs of time and values.
+
+    Examples
+    --------
+    >>> isinstance(wrapped([(np.arange(3.0), np.zeros((3, 6)))]), Content)
+    True
+    """
     if isinstance(opened, Content):
         return opened
 

@@ -6,14 +6,23 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from schuler.errors import InputError
+from schuler.errors import InputError, located
 from schuler.io.columns import choose
 from schuler.io.instants import is_instant
 from schuler.io.mapping import Mapping
 from schuler.io.own import parse_own
 from schuler.units import known_unit
 
-__all__ = ["MAGIC", "NUMBER", "Dialect", "NoRowsError", "detect", "split"]
+__all__ = [
+    "MAGIC",
+    "NUMBER",
+    "Dialect",
+    "NoRowsError",
+    "detect",
+    "guess_delimiter",
+    "split",
+    "valued",
+]
 
 #: what a cell may hold: a number (Fortran's D too), infinity, or a way to say "none"
 NUMBER = re.compile(
@@ -128,7 +137,7 @@ def detect(head: bytes, whole: bool, mapping: Mapping) -> Dialect:
         if "\r" in text.replace("\r\r", ""):
             raise InputError("has old Macintosh line ends (CR alone); convert them to LF")
         if number > skip and text and not text.startswith(marks):
-            delimiter = mapping.delimiter or _guess_delimiter(line, mapping.decimal)
+            delimiter = mapping.delimiter or guess_delimiter(line, mapping.decimal)
             if mapping.header is not False and header is None:
                 after = _next_row(head, stop + 1, marks)
                 if mapping.header or _is_header(line, after, delimiter, mapping.decimal):
@@ -141,16 +150,14 @@ def detect(head: bytes, whole: bool, mapping: Mapping) -> Dialect:
                 break
         elif number > skip and text:
             if line.startswith(MAGIC):
-                try:
+                with located(f"line {number}"):
                     own = parse_own(line[len(MAGIC) :], "there")
-                except InputError as error:
-                    raise InputError(f"line {number}: {error}") from None
             hints = [*hints[-1:], text.lstrip("".join(marks)).strip()]
         offset = stop + 1
         if end < 0:
             what = "has a header but no data rows" if header else "has no data rows"
             raise NoRowsError(what)
-    delimiter = mapping.delimiter or _guess_delimiter(
+    delimiter = mapping.delimiter or guess_delimiter(
         line if header is None else header[0], mapping.decimal
     )
     cells = split(line, delimiter)
@@ -159,7 +166,7 @@ def detect(head: bytes, whole: bool, mapping: Mapping) -> Dialect:
             f"line {number} has {len(cells)} columns, where {_MOST_COLUMNS} are the most: this is "
             "no table of samples, or another mark separates its cells (--delimiter)"
         )
-    if header and not any(_valued(cell, mapping.decimal) for cell in cells):
+    if header and not any(valued(cell, mapping.decimal) for cell in cells):
         raise InputError(
             f"line {number} ('{line.strip()[:60]}') is not a row of numbers; if the table begins "
             "below it, pass over the lines before the table with --skip-rows"
@@ -212,14 +219,14 @@ def _is_header(line: str, after: str | None, delimiter: str, decimal: str | None
     """
     cells = split(line, delimiter)
     words = [cell for cell in cells if not _numeric(cell, decimal) and not is_instant(cell)]
-    numbers = [cell for cell in cells if cell and _valued(cell, decimal)]
+    numbers = [cell for cell in cells if cell and valued(cell, decimal)]
     if len(words) > len(numbers) or not words:
         return bool(words)
     if after is None or not all(cell.isdigit() for cell in numbers):
         return False
     below = split(after, delimiter)
     return any(
-        cell in words and under and _valued(under, decimal)
+        cell in words and under and valued(under, decimal)
         for cell, under in zip(cells, below, strict=False)
     )
 
@@ -231,7 +238,7 @@ def _units_row(line: str, delimiter: str) -> list[str] | None:
     else:
         cells = split(line, delimiter)
     plain = [cell.strip("[]() ").strip() for cell in cells]
-    if any(_valued(cell, None) for cell in plain):
+    if any(valued(cell, None) for cell in plain):
         return None
     said = [cell for cell in plain if cell not in ("", "-", "none", "n/a", "counts")]
     known = sum(known_unit(cell) for cell in said)
@@ -246,12 +253,13 @@ def _with_units(names: tuple[str, ...], units: list[str]) -> tuple[str, ...]:
     )
 
 
-def _valued(cell: str, decimal: str | None) -> bool:
+def valued(cell: str, decimal: str | None) -> bool:
     """Say whether a cell holds a number, or a date or time."""
     return bool(cell) and (_numeric(cell, decimal) or is_instant(cell))
 
 
-def _guess_delimiter(line: str, decimal: str | None) -> str:
+def guess_delimiter(line: str, decimal: str | None) -> str:
+    """Return what separates the cells of a line: a mark, or a blank for any run of blanks."""
     for mark in ("\t", ";", ","):
         if mark not in line or mark == decimal:
             continue

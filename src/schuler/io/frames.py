@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schuler.errors import InputError
+from schuler.errors import InputError, installed
 from schuler.io.axes import parse_axes
 from schuler.io.columns import choose
 from schuler.io.content import Array, Block, Content
@@ -55,6 +55,11 @@ def from_pandas(
     ------
     InputError
         As `schuler.read`.
+
+    Examples
+    --------
+    >>> from_pandas(record.to_pandas()).dtheta.shape
+    (1200, 3)
     """
     given = (mapping or Mapping()).merged(Mapping.from_cli(**mapping_overrides))
     own = frame.attrs if frame.attrs.get("kind") == "increments" else None
@@ -105,6 +110,11 @@ def from_xarray(dataset: xr.Dataset, *, max_gap: float | None = None) -> ImuReco
     ------
     InputError
         If something is missing or of another shape or unit, and as `schuler.read`.
+
+    Examples
+    --------
+    >>> from_xarray(record.to_xarray()).dtheta.shape
+    (1200, 3)
     """
     arrays: dict[str, Array] = {}
     for key, unit in (("time", "s"), ("dtheta", "rad"), ("dvel", "m/s"), ("dt", "s")):
@@ -155,6 +165,11 @@ def from_pyins(
     ------
     InputError
         If columns are missing, the type is unknown, or a row cannot be used.
+
+    Examples
+    --------
+    >>> from_pyins(to_pyins(record), "increment").dtheta.shape
+    (1200, 3)
     """
     if sensor_type not in _TYPES:
         raise InputError(f"sensor_type must be 'rate' or 'increment', got '{sensor_type}'")
@@ -207,13 +222,14 @@ def to_pyins(record: ImuRecord, *, axes: str = "FRD") -> pd.DataFrame:
     ------
     InputError
         If pandas is not installed or the record is not as above.
+
+    Examples
+    --------
+    >>> to_pyins(record).columns.tolist()[:3]
+    ['gyro_x', 'gyro_y', 'gyro_z']
     """
-    try:
+    with installed("a table needs pandas", "pandas", InputError):
         import pandas as pd
-    except ImportError:
-        raise InputError(
-            "a table needs pandas, which is not installed: pip install 'schuler[pandas]'"
-        ) from None
     if not len(record) or record.dtheta.shape[1] != 3 or record.dvel.shape[1] != 3:
         raise InputError(
             f"pyins takes samples of three gyros and three accelerometers, got {len(record)} of "

@@ -84,7 +84,7 @@ def open_hdf5(path: Path, mapping: Mapping) -> Content:
             try:
                 kind = datasets[name].dtype
                 if kind.kind not in "iuf":
-                    # Of texts, cells and the like, only the type is spoken of.
+                    # Of texts, cells and the like, only the type is named.
                     return np.empty(0, kind)
                 taken[name] = _check(datasets[name], size, label)
                 check_size(sum(taken.values()), size, label)

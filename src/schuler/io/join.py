@@ -40,7 +40,7 @@ def join(
         Longest gap of the accelerometers over which may be interpolated, s; six and a half of
         their intervals when not given.
     label : str
-        How to speak of the second.
+        What messages call the second.
 
     Raises
     ------

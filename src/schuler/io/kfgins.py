@@ -34,7 +34,7 @@ class KfGinsReader:
     suffixes: tuple[str, ...] = ()
 
     def sniff(self, head: bytes) -> bool:
-        """Never: nothing tells increments from rates."""
+        """Never: increments and rates look alike."""
         return False
 
     def open(self, path: Path, mapping: Mapping) -> Content:

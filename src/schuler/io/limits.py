@@ -1,4 +1,4 @@
-"""How much memory a file may ask for: what it declares is compared before any is taken."""
+"""How much memory a file may request: what it declares is compared before any is taken."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from typing import NamedTuple
 
-from schuler.errors import InputError, SchulerError
+from schuler.errors import InputError, installed
 
 __all__ = ["Chunk", "LiveSource", "check_sender", "open_live_source"]
 
@@ -134,12 +134,8 @@ def _udp(where: str) -> LiveSource:
 
 
 def _serial(device: str, baud: int) -> LiveSource:
-    try:
+    with installed("a serial port needs pyserial", "live"):
         import serial
-    except ImportError:
-        raise SchulerError(
-            "a serial port needs pyserial, which is not installed: pip install 'schuler[live]'"
-        ) from None
     try:
         port = serial.Serial(device, baud, timeout=STEP)
     except (OSError, ValueError) as error:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from schuler._files import check_keys, read_toml, replacing
-from schuler.errors import InputError
+from schuler.errors import InputError, located
 from schuler.io.axes import parse_axes
 from schuler.sensors.named_arrays import load_array
 from schuler.units import parse_factor
@@ -226,10 +226,8 @@ class Mapping:
         """
         path = Path(path)
         data = read_toml(path)
-        try:
+        with located(path):
             return cls.from_dict(data)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
 
     @classmethod
     def from_cli(cls, **options: Any) -> Mapping:
@@ -242,6 +240,11 @@ class Mapping:
         ------
         InputError
             For an unknown option or a bad value.
+
+        Examples
+        --------
+        >>> sc.Mapping.from_cli(gyro="deg/s", axes="FRD").axes
+        'FRD'
         """
         data: dict[str, Any] = {}
         for key, value in options.items():
@@ -261,7 +264,13 @@ class Mapping:
         return cls.from_dict(data)
 
     def merged(self, other: Mapping | None) -> Mapping:
-        """Return this mapping with what `other` says in its place; `other` wins."""
+        """Return this mapping with what `other` says in its place; `other` wins.
+
+        Examples
+        --------
+        >>> sc.Mapping(axes="FRD").merged(sc.Mapping(gyro="deg/s")).axes
+        'FRD'
+        """
         if other is None:
             return self
         said = {f.name: getattr(other, f.name) for f in fields(other)}
@@ -280,7 +289,13 @@ class Mapping:
         return ("t", *(f"g{k}" for k in range(1, count + 1)), "ax", "ay", "az")
 
     def said(self) -> dict[str, Any]:
-        """Return the fields that are said."""
+        """Return the fields that are said.
+
+        Examples
+        --------
+        >>> sc.Mapping(axes="FRD").said()
+        {'axes': 'FRD'}
+        """
         pairs = ((f.name, getattr(self, f.name)) for f in fields(self))
         return {key: value for key, value in pairs if value is not None}
 
@@ -291,6 +306,12 @@ class Mapping:
         ------
         InputError
             If the file cannot be written.
+
+        Examples
+        --------
+        >>> sc.Mapping(axes="FRD").to_toml("mapping.toml")
+        >>> sc.Mapping.from_toml("mapping.toml").axes
+        'FRD'
         """
         import tomli_w
 

@@ -11,7 +11,7 @@ from schuler.io.axes import RFU, Axes, parse_axes
 from schuler.io.clock import Clock
 from schuler.io.content import Array, Block, Content
 from schuler.io.mapping import Mapping
-from schuler.record.hints import Reading
+from schuler.record.check import Reading
 from schuler.sensors.array import SensorArray
 from schuler.sensors.named_arrays import load_array
 from schuler.units import known_unit, parse_factor
@@ -44,11 +44,11 @@ class Meaning:
     words : str
         All this for a person to read, but for the clock.
     time_label : str
-        How to speak of the file's time.
+        What messages call the file's time.
     array : SensorArray or None
         The geometry of redundant gyros, fused here.
     assumed : list of str
-        What nobody said and was assumed, each in a few words.
+        What was not given and was assumed, each in a few words.
     reading : Reading
         How the values were read, for a check of what they show.
     """
@@ -258,7 +258,7 @@ def _plain_unit(text: str) -> bool:
 
 
 def _assumed(content: Content, m: Mapping, units: str, gyro: str, accel: str) -> list[str]:
-    """Return what nobody said, each in a few words."""
+    """Return what was not given, each in a few words."""
     out = []
     if m.axes is None:
         mark = content.mark

@@ -155,7 +155,7 @@ def _choose(found: dict[str, int], wanted: str | None) -> str:
 
 
 def _sizes(kind: str, first: Any, mapping: Mapping) -> tuple[Array | None, str | None, Mapping]:
-    """Return the factors to SI, how to speak of them, and what the log says."""
+    """Return the factors to SI, what messages call them, and what the log says."""
     said = Mapping(gyro="rad", accel="m/s", time="s", axes="RFU")
     if mapping.gyro is not None and mapping.accel is not None:
         return None, None, said

@@ -167,7 +167,7 @@ def _header(file: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
 
 @contextmanager
 def _damage(what: str) -> Iterator[None]:
-    """Speak of what NumPy, zipfile and zlib raise for damaged archives, and they raise anything."""
+    """Say what NumPy, zipfile and zlib raise for damaged archives, and they raise anything."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from schuler.errors import InputError
 
-__all__ = ["ODOMETER_NAMES", "PAIRS", "ForwardSpeed", "forward_speed"]
+__all__ = ["ODOMETER_NAMES", "PAIRS", "ForwardSpeed", "counts_pulses", "forward_speed"]
 
 Array = NDArray[np.float64]
 
@@ -61,6 +62,11 @@ class ForwardSpeed:
     sigma: float = 0.0
     dropped: dict[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+
+def counts_pulses(names: Collection[str]) -> bool:
+    """Say whether columns of these roles give a speed by pulses, whose length must be said."""
+    return "pulses" in names and not {"speed", *_WHEELS} & set(names)
 
 
 def forward_speed(

@@ -19,7 +19,7 @@ def parse_own(text: str | bytes, where: str) -> dict[str, Any]:
     text : str or bytes
         JSON.
     where : str
-        How to speak of its place, ``"in its metadata"``.
+        What messages call its place, ``"in its metadata"``.
 
     Raises
     ------

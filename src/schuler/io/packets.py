@@ -47,8 +47,15 @@ from typing import NamedTuple
 
 from schuler.errors import InputError
 
-__all__ = ["FRAME_BYTES", "KEYED_FRAME_BYTES", "Packet", "PacketParser", "Reorder", "encode_csv",
-           "encode_frame", "read_key"]  # fmt: skip
+__all__ = [
+    "FRAME_BYTES",
+    "KEYED_FRAME_BYTES",
+    "Packet",
+    "PacketParser",
+    "encode_csv",
+    "encode_frame",
+    "read_key",
+]
 
 Sample = tuple[int, float, tuple[float, ...]]
 
@@ -96,6 +103,11 @@ class Packet(NamedTuple):
         What a frame says that its values are; None for a CSV line.
     run : int
         Run of the sender, of an authenticated frame; 0 else.
+
+    Examples
+    --------
+    >>> Packet(7, 0.05, (0.0, 0.0, 1e-6, 0.0, 0.0, 0.49)).number
+    7
     """
 
     number: int
@@ -147,18 +159,31 @@ def encode_frame(
 
 
 def encode_csv(number: int, time: float, values: Iterable[float]) -> bytes:
-    """Return a CSV line of a sample."""
+    r"""Return a CSV line of a sample.
+
+    Examples
+    --------
+    >>> encode_csv(7, 0.05, [0.0, 0.0, 1e-6, 0.0, 0.0, 0.49])
+    b'7,0.05,0.0,0.0,1e-06,0.0,0.0,0.49\n'
+    """
     cells = [repr(float(value)) for value in (time, *values)]
     return (",".join([str(int(number)), *cells]) + "\n").encode()
 
 
 def read_key(path: str | Path) -> bytes:
-    """Return the key in a file: its bytes, without white space at the end.
+    r"""Return the key in a file: its bytes, without white space at the end.
 
     Raises
     ------
     InputError
         If the file cannot be read, or the key has fewer than 16 bytes or more than 4096.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> length = Path("stream.key").write_text("0123456789abcdef\n")
+    >>> len(read_key("stream.key"))
+    16
     """
     try:
         with Path(path).open("rb") as file:
@@ -188,6 +213,12 @@ class PacketParser:
         What the last frame said that its values are; None until one came, and for CSV.
     counts : Counter
         Packets that were left out, by a name of `REASONS`.
+
+    Examples
+    --------
+    >>> parser = PacketParser()
+    >>> [each.number for each in parser.feed(encode_csv(7, 0.05, [0.0] * 6))]
+    [7]
     """
 
     key: bytes | None = None
@@ -290,7 +321,7 @@ class PacketParser:
             if self.key is not None:
                 return "unauthenticated"
         else:
-            # Without the key nothing tells a damaged frame from a whole one.
+            # Without the key a damaged frame cannot be told from a whole one.
             if self.key is None:
                 return "unverified"
             body, tag = frame[:-_TAG_BYTES], frame[-_TAG_BYTES:]
@@ -317,67 +348,3 @@ def _judge(packet: Packet) -> Packet | str:
     ):
         return "out_of_range"
     return packet
-
-
-@dataclass
-class Reorder:
-    """Give samples back in the order of their numbers; wait for late ones, not for ever.
-
-    Parameters
-    ----------
-    depth : int
-        Samples that are held while one is missing.
-    lost, repeated, late : int
-        Numbers that never came; samples that came twice; samples that came after they had been
-        given up.
-    """
-
-    depth: int = 64
-    lost: int = 0
-    repeated: int = 0
-    late: int = 0
-    expected: int | None = None
-    held: dict[int, Sample] = field(default_factory=dict)
-
-    def push(self, samples: Iterable[Sample]) -> list[Sample]:
-        """Take samples as they came; return those whose turn it is."""
-        out: list[Sample] = []
-        for sample in samples:
-            number = sample[0]
-            if number in self.held:
-                self.repeated += 1
-            elif self.expected is not None and number < self.expected:
-                # Given already, or given up.
-                self.late += 1
-            else:
-                self.held[number] = sample
-            if self.expected is None and len(self.held) >= self.depth // 4:
-                self.expected = min(self.held)
-            out += self._ready()
-        return out
-
-    def flush(self) -> list[Sample]:
-        """Return all that is held: the stream has ended."""
-        out: list[Sample] = []
-        while self.held:
-            self._skip()
-            out += self._ready()
-        return out
-
-    def _ready(self) -> list[Sample]:
-        out: list[Sample] = []
-        if self.expected is None:
-            return out
-        while True:
-            while self.expected in self.held:
-                out.append(self.held.pop(self.expected))
-                self.expected += 1
-            if len(self.held) <= self.depth:
-                return out
-            self._skip()
-
-    def _skip(self) -> None:
-        first = min(self.held)
-        if self.expected is not None:
-            self.lost += first - self.expected
-        self.expected = first

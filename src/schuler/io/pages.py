@@ -1,8 +1,9 @@
 """The footer and the pages of a Parquet file, looked at before Arrow takes memory for them.
 
-A page's header says how many bytes follow and how many they expand to, and Arrow believes it; some
-damaged footers end the whole process. So both are read here first (parquet.thrift), and compared
-with the file's size, the columns' numbers of values, and what a file of that size may expand to.
+A page's header says how many bytes follow and how many they expand to, and Arrow allocates by it;
+some damaged footers end the whole process. So both are read here first (parquet.thrift), and
+compared with the file's size, the columns' numbers of values, and what a file of that size may
+expand to.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def array_increments(source: Source) -> tuple[Array, Array, float]:
-    """Return an array's gyros over a whole file, for tests of one against the others.
+    r"""Return an array's gyros over a whole file, for tests of one against the others.
 
     Parameters
     ----------
@@ -31,6 +31,16 @@ def array_increments(source: Source) -> tuple[Array, Array, float]:
     ------
     InputError
         If no array was named, a value is not a finite number, or the time does not go on.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> rows = "\n".join(f"{0.1 * k:.1f},0,0,0,1e-6,0,0,0.98" for k in range(20))
+    >>> length = Path("array.csv").write_text("t,g1,g2,g3,g4,ax,ay,az\n" + rows)
+    >>> source = sc.open_source("array.csv", array="symmetric4", gyro="rad", accel="m/s")
+    >>> time, dtheta, interval = array_increments(source)
+    >>> dtheta.shape, round(interval, 3)
+    ((20, 4), 0.1)
     """
     times, gyros = [], []
     for time, values in source.array_blocks():

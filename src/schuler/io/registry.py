@@ -42,6 +42,11 @@ def readers() -> dict[str, Reader]:
     ------
     InputError
         If another package's reader cannot be loaded or takes a name that is taken.
+
+    Examples
+    --------
+    >>> "parquet" in readers()
+    True
     """
     found = dict(_built_in())
     found.update(_registered)
@@ -62,6 +67,18 @@ def register(reader: Reader) -> None:
     ------
     InputError
         If it is no reader or its name belongs to a reader of schuler's own.
+
+    Examples
+    --------
+    >>> class Counting:
+    ...     name, suffixes = "counting", (".cnt",)
+    ...     def sniff(self, head):
+    ...         return head.startswith(b"CNT")
+    ...     def open(self, path, mapping):
+    ...         return [(np.arange(3.0), np.zeros((3, 6)))]
+    >>> register(Counting())
+    >>> "counting" in readers()
+    True
     """
     if not isinstance(reader, Reader):
         raise InputError(f"{reader!r} is no reader: it needs name, suffixes, sniff and open")

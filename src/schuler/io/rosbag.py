@@ -34,7 +34,7 @@ def is_ros1(path: Path) -> bool:
 
 @contextmanager
 def opened(path: Path) -> Iterator[Any]:
-    """Open a bag, whatever its kind and name; speak of its damage in one sentence.
+    """Open a bag, whatever its kind and name; say its damage in one sentence.
 
     Raises
     ------

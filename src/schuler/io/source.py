@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time as wall
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -12,37 +11,30 @@ from typing import Any
 
 import numpy as np
 
-from schuler.errors import InputError, shown
+from schuler.errors import InputError
 from schuler.io.apart import with_accelerometers
 from schuler.io.axes import Axes
 from schuler.io.clock import Clock, timed
 from schuler.io.content import Content, wrapped
-from schuler.io.dialect import NoRowsError, detect
-from schuler.io.flow import Whole, prefetch, readable
+from schuler.io.flow import Whole, prefetch
+from schuler.io.gyro_array import compare_gyros, say_gyros
 from schuler.io.join import alternates, join, split_rows
 from schuler.io.mapping import Mapping
 from schuler.io.meaning import settle
+from schuler.io.opening import PIPE, begin
 from schuler.io.registry import find_reader
 from schuler.io.span import RecordTime, Span
-from schuler.io.spool import GZIP, Spooled, Unpacked, is_pipe, ordinary
+from schuler.io.spool import Unpacked
 from schuler.record import ImuRecord, Intake, Quality
-from schuler.record.hints import Reading
-from schuler.sensors.array_check import ArrayCheck, ArrayVerdict
+from schuler.record.check import Reading
+from schuler.sensors.array_check import ArrayCheck
 
-__all__ = ["FOLDER_MAPPING", "Source"]
+__all__ = ["Source"]
 
-#: a mapping beside the files of a folder that say nothing themselves
-FOLDER_MAPPING = "schuler-mapping.toml"
-
-#: what a ROS 2 bag's folder is known by; its beginning stands for the folder's
 log = getLogger("schuler.io")
 
-_BAG = "metadata.yaml"
-_HEAD = 1 << 16
-_LONG_HEAD = 1 << 20
 _POLL = 0.2
 _FEW = 64
-_PIPE = "is a pipe, which cannot be followed by its name; give - and lead it to standard input"
 
 
 class Source:
@@ -74,7 +66,7 @@ class Source:
     kind : str
         ``"rates"``, ``"mean-rates"`` or ``"increments"``.
     assumed : list of str
-        What nobody said and was assumed: axes, units; each in a few words.
+        What was not given and was assumed: axes, units; each in a few words.
     contradictions : list of str
         What the record contradicts in itself and could not be resolved, as a faulty gyro of an
         array that cannot be told; may grow while reading.
@@ -104,11 +96,6 @@ class Source:
         gyro_bias: float | None = None,
     ) -> None:
         self.path = Path(path)
-        # Where the content is: a pipe's is copied, which the object that made the copy removes.
-        self._file = self.path
-        self._spooled: Spooled | Unpacked | None = None
-        # The name by which the format is found: that of what is inside a gzip file.
-        self._named_as = self.path
         self._label = "standard input" if self.path == Path("-") else str(path)
         self._max_gap = max_gap
         self._gyro_bias = gyro_bias
@@ -117,8 +104,9 @@ class Source:
         self._quality: Quality | None = None
         self._intake: Intake | None = None
         try:
-            given, folder, notes, self.size, head = self._look(mapping or Mapping(), wait)
-            reader = find_reader(self._named_as, head, folder.merged(given).format)
+            self._begun = begun = begin(self.path, mapping or Mapping(), wait)
+            given, folder, self.size = begun.mapping, begun.folder, begun.size
+            reader = find_reader(begun.named_as, begun.head, folder.merged(given).format)
             self.format = reader.name
             # The folder's units are for files that state none: the reader must not see them.
             plain = replace(folder, gyro=None, accel=None, time=None)
@@ -126,10 +114,10 @@ class Source:
             apart = said.accel_file is not None or said.accel_topic is not None
             if apart:
                 said = replace(said, sensor="gyro")
-            opened = reader.open(self._file, said)
+            opened = reader.open(begun.content, said)
             content = wrapped(opened)
             if apart:
-                content = with_accelerometers(content, said, self.path, self._file, max_gap)
+                content = with_accelerometers(content, said, self.path, begun.content, max_gap)
             elif content.sample is not None and alternates(content.sample):
                 content = join(*split_rows(content), given, max_gap, "other rows")
             self._meaning = settle(content, given, folder, max_gap)
@@ -140,7 +128,7 @@ class Source:
             raise InputError(f"{self._label}: cannot be read ({error.strerror or error})") from None
         self._content = content
         self.kind = self._meaning.kind
-        content.notes[:0] = notes
+        content.notes[:0] = begun.notes
         self.notes = content.notes
         self.assumed = self._meaning.assumed
         self.contradictions: list[str] = []
@@ -176,80 +164,9 @@ class Source:
         """How the values were read, for a check of what they show."""
         return self._meaning.reading
 
-    def _look(
-        self, mapping: Mapping, wait: float | None
-    ) -> tuple[Mapping, Mapping, list[str], int | None, bytes]:
-        """Find the sidecars, and read the file's beginning."""
-        folder = Mapping()
-        if wait is not None and not wait >= 0:
-            raise InputError(f"the time to wait for rows must be 0 s or more, got {wait:g} s")
-        if self.path == Path("-"):
-            if wait is not None and not readable(sys.stdin.buffer, wait):
-                raise InputError(f"nothing came in {wait:g} s")
-            return mapping, folder, [], None, b""
-        pipe = is_pipe(self.path)
-        if pipe and wait is not None:
-            raise InputError(_PIPE)
-        bag = self.path / _BAG
-        if self.path.is_dir() and not bag.is_file():
-            raise InputError("is a folder; name a file in it")
-        if not self.path.exists():
-            raise InputError("there is no such file")
-        notes = []
-        sidecar = self.path.with_name(self.path.name + ".toml")
-        shared = self.path.with_name(FOLDER_MAPPING)
-        if shared.is_file():
-            folder = Mapping.from_toml(shared)
-            notes.append(f"defaults were taken from '{shared.name}' in its folder")
-        if sidecar.is_file():
-            mapping = Mapping.from_toml(sidecar).merged(mapping)
-            notes.append(f"the mapping beside it, '{shown(sidecar.name)}', was used")
-        if self.path.is_dir():
-            size = sum(file.stat().st_size for file in self.path.iterdir() if file.is_file())
-            return mapping, folder, notes, size, bag.read_bytes()[:_HEAD]
-        if wait is not None:
-            self._wait(folder.merged(mapping), wait)
-        ordinary(self.path)
-        if pipe:
-            self._spooled = Spooled(self.path)
-            self._file = self._spooled.path
-        with self._file.open("rb") as file:
-            head = file.read(_HEAD)
-        if head.startswith(GZIP):
-            self._spooled = Unpacked(self._file)
-            self._file = self._spooled.path
-            self._named_as = self.path.with_name(self.path.stem)
-            with self._file.open("rb") as file:
-                head = file.read(_HEAD)
-        size = self._file.stat().st_size
-        if not head:
-            raise InputError("is empty")
-        return mapping, folder, notes, size, head
-
-    def _wait(self, mapping: Mapping, patience: float) -> None:
-        """Wait until a text file holds a whole row; opening it says what else is wrong."""
-        end = wall.monotonic() + patience
-        while wall.monotonic() < end:
-            with self.path.open("rb") as file:
-                head = file.read(_LONG_HEAD)
-            named = mapping.format
-            if head and (
-                len(head) == _LONG_HEAD or find_reader(self.path, head, named).name != "text"
-            ):
-                return
-            try:
-                # A last line without its end may still be half a row.
-                detect(head, False, mapping)
-            except NoRowsError:
-                wall.sleep(_POLL)
-            except InputError:
-                return
-            else:
-                return
-
     def _new_intake(self, content: Content) -> Intake:
         m = self._meaning.mapping
-        default = "stdin" if self.path == Path("-") else self._named_as.stem
+        default = "stdin" if self.path == Path("-") else self._begun.named_as.stem
         return Intake(
             self._meaning.kind,
             rate=m.rate,
@@ -365,7 +282,7 @@ class Source:
             if past:
                 break
         if check is not None:
-            self._say_array(check.verdict(), streamed=True)
+            say_gyros(check.verdict(), self.notes, self.contradictions, streamed=True)
         # Less than two rows of a stretch are no samples; of a whole file, they are an error.
         if started and (kept > 1 or (not span.begins and not past)):
             yield intake.close()
@@ -378,33 +295,10 @@ class Source:
         check = ArrayCheck(array, self._gyro_bias)
         if self.path == Path("-"):
             return check
-        clock, stretch, done = self._pass().again(), Span(*span.said), 0
-        for block in prefetch(self._content.blocks()):
-            time = self._meaning.convert(block, done, clock)[0]
-            done += len(time)
-            stretch.see(time)
-            stop = np.inf if stretch.stop is None else stretch.stop
-            inside = (time >= stretch.first) & (time < stop)
-            check.push(self._meaning.gyros(block, time)[inside])
-            if np.any(time >= stop):
-                break
-        verdict = check.verdict()
+        verdict = compare_gyros(check, self._content, self._meaning, self._pass().again(), span)
         self._working = verdict.working
-        self._say_array(verdict)
+        say_gyros(verdict, self.notes, self.contradictions, streamed=False)
         return None
-
-    def _say_array(self, verdict: ArrayVerdict, streamed: bool = False) -> None:
-        """Note what the gyros of an array say of each other."""
-        for note in verdict.notes:
-            text = (
-                note.replace("was left out: it", "is faulty, and was used: it")
-                if streamed
-                else note
-            )
-            target = self.contradictions if streamed else self.notes
-            if text not in target:
-                target.append(text)
-        self.contradictions += [t for t in verdict.contradictions if t not in self.contradictions]
 
     def _pass(self) -> Clock:
         """Return a clock for one pass over the file."""
@@ -478,10 +372,10 @@ class Source:
         InputError
             If the format cannot be followed, the file becomes shorter, or a row is bad.
         """
-        if isinstance(self._spooled, Unpacked):
+        if isinstance(self._begun.spooled, Unpacked):
             raise InputError(f"{self._label}: is compressed, and cannot be followed")
-        if self._spooled is not None:
-            raise InputError(f"{self._label}: {_PIPE}")
+        if self._begun.spooled is not None:
+            raise InputError(f"{self._label}: {PIPE}")
         if self._content.follow is None:
             raise InputError(
                 f"{self._label}: a {self.format} file cannot be followed, only text can"

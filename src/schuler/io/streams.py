@@ -31,7 +31,7 @@ from schuler.io.packets import KINDS, LARGEST_TIME, Packet
 __all__ = ["Change", "Part", "Streams"]
 
 ENOUGH = 256
-"""Samples of another stream that replace a silent one where no clock tells the silence."""
+"""Samples of another stream that replace a silent one where no clock measures the silence."""
 
 SILENCE = 2.0
 """Time without a sample after which a stream may be replaced, s."""
@@ -63,6 +63,11 @@ class Change:
         What the values of the new stream are.
     continues : bool
         Whether its samples follow those of the stream before, with a gap between them.
+
+    Examples
+    --------
+    >>> Change("the sender restarted, at number 0", "increments", continues=False).kind
+    'increments'
     """
 
     text: str
@@ -87,6 +92,14 @@ class Streams:
         What the values of CSV lines are.
     max_gap : float
         Longest gap after which a stream goes on, s.
+
+    Examples
+    --------
+    >>> streams = Streams("increments", max_gap=5.0)
+    >>> values = (0.0, 0.0, 1e-6, 0.0, 0.0, 0.49)
+    >>> parts = streams.push(Packet(k, 0.05 * k, values) for k in range(40))
+    >>> sum(len(part.samples) for part in parts)
+    40
     """
 
     def __init__(self, kind: str, max_gap: float) -> None:
@@ -168,7 +181,7 @@ class Streams:
         fits = stream.line.fits(number, packet.time)
         if abs(number - top) > WINDOW:
             if number < top and fits:
-                # Nobody but the sender could go on with a run that has a key.
+                # Nobody but the sender can continue a run that has a key.
                 if packet.run:
                     self.counts["late"] += 1
                     return None

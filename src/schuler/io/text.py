@@ -20,6 +20,7 @@ from schuler.io.content import Array, Block, Content
 from schuler.io.dialect import Dialect, NoRowsError, detect, split
 from schuler.io.flow import readable
 from schuler.io.instants import has_zone, is_instant
+from schuler.io.labelled import LabelledCells, LabelledTable, find_labelled
 from schuler.io.mapping import Mapping
 from schuler.io.own import own_mapping, own_name
 
@@ -52,6 +53,10 @@ class TextReader:
             head, dialect = _look(sys.stdin.buffer, mapping, True)
         else:
             with path.open("rb") as file:
+                labelled = find_labelled(file.read(_HEAD), mapping)
+                if labelled is not None:
+                    return _open_labelled(path, labelled, mapping)
+                file.seek(0)
                 head, dialect = b"", _look(file, mapping, False)[1]
         own = dialect.own
         whole = Mapping(array=mapping.array)
@@ -79,10 +84,33 @@ class TextReader:
         )
 
 
+def _open_labelled(path: Path, labelled: LabelledTable, mapping: Mapping) -> Content:
+    """Open a file whose rows name their sensor."""
+    dialect = labelled.dialect
+    chosen = choose(dialect.names, len(dialect.names or ()), mapping)
+    instants, label, notes = _instants(dialect, chosen, mapping)
+    table = TextTable(
+        path, dialect, chosen.all, instants=instants, notes=[labelled.note, *notes],
+        parser=LabelledCells(labelled),
+    )  # fmt: skip
+    stamps, sample = table.first_rows(chosen)
+    said = chosen.said()
+    return Content(
+        blocks=lambda: arrange(table.blocks(), chosen),
+        said=replace(said, time="s") if instants else said,
+        time_label=label,
+        mark=chosen.mark,
+        stamps=stamps,
+        sample=sample,
+        notes=table.notes,
+        progress=table.progress,
+    )
+
+
 def _instants(
     dialect: Dialect, chosen: Chosen, mapping: Mapping
 ) -> tuple[tuple[int, ...], str, list[str]]:
-    """Return the time column where it holds dates, how to speak of it, and what to note."""
+    """Return the time column where it holds dates, what messages call it, and what to note."""
     if chosen.t is None or not is_instant(dialect.first[chosen.t]):
         return (), chosen.t_label, []
     if mapping.time is not None:
@@ -169,6 +197,8 @@ class TextTable:
         What has been read already of standard input, which cannot be read twice.
     block_bytes : int
         Size of the blocks.
+    parser : LabelledCells, optional
+        What makes columns of a block; `Cells` of the layout when not given.
     """
 
     path: Path
@@ -178,12 +208,13 @@ class TextTable:
     block_bytes: int = 0
     notes: list[str] = field(default_factory=list)
     instants: tuple[int, ...] = ()
+    parser: LabelledCells | None = None
     _recent: bytes = b""
     _read: int = 0
     _used: bool = False
 
     def __post_init__(self) -> None:
-        self._cells = Cells(self.dialect, self.columns, self.instants)
+        self._cells = self.parser or Cells(self.dialect, self.columns, self.instants)
 
     def first_rows(self, chosen: Chosen) -> tuple[Array | None, list[Array] | None]:
         """Return the first stamps and values of a file, as far as they can be read.
@@ -198,7 +229,7 @@ class TextTable:
         # Whole lines only: the last may be half of one.
         block = head[: head.rfind(b"\n") + 1]
         try:
-            columns = Cells(self.dialect, chosen.all, self.instants).parse(block)
+            columns = self._cells.parse(block)
         except LineError:
             return None, None
         return _time(columns, chosen), [columns[i] for i in chosen.values]

@@ -1,13 +1,15 @@
 """Trajectories as tracks for maps: GPX and KML.
 
-Both want longitudes within 180 degrees, and programs draw a line from one point to the next: a
-track is cut where it crosses the date line. Their times are UTC, which a trajectory does not know,
-so that they have none. Heights are above the ellipsoid, and the files say so.
+Both need longitudes within 180 degrees, and programs draw a line from one point to the next: a
+track is cut where it crosses the date line. Their times are UTC, which a trajectory does not know:
+a track has them where the Unix time of the trajectory's zero is given. Heights are above the
+ellipsoid, and the files say so.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 from typing import Any
 from xml.sax.saxutils import escape
@@ -15,11 +17,12 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from schuler.constants import DEG
-from schuler.errors import InputError
+from schuler.errors import InputError, installed
 from schuler.trajectory import Trajectory
 
 __all__ = ["gpx_library", "gpx_text", "kml_text"]
 
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _TEXT = "Heights are in metres above the WGS-84 ellipsoid, not above the sea."
 
 _KML = """<?xml version="1.0" encoding="UTF-8"?>
@@ -61,23 +64,32 @@ def gpx_library() -> Any:
     InputError
         If it is not installed.
     """
-    try:
+    with installed("GPX needs gpxpy", "gpx", InputError):
         from gpxpy import gpx
-    except ImportError:
-        raise InputError(
-            "GPX needs gpxpy, which is not installed: pip install 'schuler[gpx]'"
-        ) from None
     return gpx
 
 
-def gpx_text(trajectory: Trajectory) -> str:
-    """Return a trajectory as GPX 1.1: one track, a segment to each side of the date line."""
+def gpx_text(trajectory: Trajectory, utc: float | None = None) -> str:
+    """Return a trajectory as GPX 1.1: one track, a segment to each side of the date line.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    utc : float, optional
+        Unix time at which the trajectory's time is zero, s.
+    """
     gpx = gpx_library()
     document = gpx.GPX()
     document.creator, document.description = "schuler", _TEXT
     track = gpx.GPXTrack(name=trajectory.name)
     for part in _parts(trajectory):
-        points = [gpx.GPXTrackPoint(*row) for row in _points(trajectory, part)]
+        stamps = [None] * len(trajectory.time[part]) if utc is None else [
+            _EPOCH + timedelta(seconds=t) for t in (utc + trajectory.time[part]).tolist()
+        ]  # fmt: skip
+        points = [
+            gpx.GPXTrackPoint(*row, time=stamp)
+            for row, stamp in zip(_points(trajectory, part), stamps, strict=True)
+        ]
         track.segments.append(gpx.GPXTrackSegment(points))
     document.tracks.append(track)
     return str(document.to_xml(version="1.1"))

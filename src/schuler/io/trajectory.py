@@ -15,7 +15,7 @@ from schuler._arrow import numbers
 from schuler._files import parse_json
 from schuler.attitude import euler_to_quat, heading_to_psi
 from schuler.constants import DEG
-from schuler.errors import InputError, shown
+from schuler.errors import InputError, located, shown
 from schuler.io.aid_files import local_file
 from schuler.io.mat import numeric_array
 from schuler.io.names import split_unit
@@ -73,7 +73,13 @@ _QUAT = ("qw", "qx", "qy", "qz")
 
 
 def truth_path(record: str | Path) -> Path:
-    """Return where the truth of a record goes: ``truck.truth.parquet`` beside ``truck.csv``."""
+    """Return where the truth of a record goes: ``truck.truth.parquet`` beside ``truck.csv``.
+
+    Examples
+    --------
+    >>> truth_path("truck.csv").name
+    'truck.truth.parquet'
+    """
     record = Path(record)
     return record.with_name(f"{record.stem}.truth.parquet")
 
@@ -108,10 +114,8 @@ def read_trajectory(path: str | Path, layout: str | None = None) -> Trajectory:
     61
     """
     path = Path(path)
-    try:
+    with located(path):
         _check_layout(layout)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
     with local_file(path) as there:
         suffix = there.suffix.lower()
         if layout == "psins":

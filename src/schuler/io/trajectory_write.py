@@ -87,7 +87,8 @@ def write_trajectory(
         above the ellipsoid in all of them.
     about : mapping, optional
         What else is worth keeping (scenario, seed, the errors that were put in), as JSON in the
-        metadata of a Parquet file under ``schuler``.
+        metadata of a Parquet file under ``schuler``. ``utc`` is the Unix time, s, at which the
+        trajectory's time is zero: tracks in GPX have their times by it.
     layout : {"schuler", "pyins", "psins"}
         Names, order and units of the columns, as in `read_trajectory`.
 
@@ -193,8 +194,8 @@ def _jsonl(part: Path, trajectory: Trajectory, layout: str, _: Mapping[str, Any]
             file.write(json.dumps(dict(zip(names, row, strict=True)), allow_nan=False) + "\n")
 
 
-def _gpx(part: Path, trajectory: Trajectory, _: str, __: Mapping[str, Any]) -> None:
-    part.write_text(gpx_text(trajectory), encoding="utf-8", newline="\n")
+def _gpx(part: Path, trajectory: Trajectory, _: str, about: Mapping[str, Any]) -> None:
+    part.write_text(gpx_text(trajectory, about.get("utc")), encoding="utf-8", newline="\n")
 
 
 def _kml(part: Path, trajectory: Trajectory, _: str, __: Mapping[str, Any]) -> None:

@@ -6,7 +6,7 @@ is imported where a kernel has to be compiled (`_entry_points`), and only then.
 
 An entry point takes each array as Python's object and reads data, shape and strides from NumPy's
 `PyArrayObject`, whose layout is part of NumPy's binary interface; it compares type, dimensions and
-layout with those that the kernel was compiled for, and answers `MISMATCH` where they differ. What
+layout with those that the kernel was compiled for, and returns `MISMATCH` where they differ. What
 is assumed of the machine is tried once in a process (`available`); where it does not hold, kernels
 are called through Numba.
 """
@@ -28,7 +28,7 @@ import numpy as np
 __all__ = ["GENERIC", "MISMATCH", "available", "bind", "describe", "processor", "runs_generic_code"]
 
 MISMATCH = -1000
-"""What an entry point answers to arrays that it was not compiled for."""
+"""What an entry point returns for arrays that it was not compiled for."""
 
 _DONE = (0, -2)
 """What a function that Numba compiled returns where all went well: with a value, without one."""

@@ -1,4 +1,4 @@
-"""What a centrifuge test tells of a platform's error coefficients: information matrices.
+"""Information matrices of a centrifuge test: a platform's error coefficients.
 
 The coefficients are constants, so a scheme is judged without a filter: the sensitivities of the
 three accelerometer outputs are known functions of time, and the information is the sum of their
@@ -73,7 +73,7 @@ def _whiten(raw, root, weight, width, out):
 
 @kernel
 def position_information(angles, order, nodes, blend, root, omega, terms, prior, work, out):
-    """Add to `out` what one position tells, its attitude marginalised.
+    """Add to `out` the information of one position, its attitude marginalised.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ from schuler.kernels.gimbals import platform_matrix
 def direct_accumulation(
     angles, order, force, omega, earth, samples, step, every, terms, weight, prior, out
 ):  # fmt: skip
-    """Add to `out` what one position tells, sample by sample: the long way, for comparison.
+    """Add to `out` the information of one position, sample by sample: the long way, for comparison.
 
     Parameters
     ----------

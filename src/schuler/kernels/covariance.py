@@ -57,15 +57,15 @@ def propagate(work, noise, s, options, z, a, k, turn):
         u = (-(a * e[1] + along * z[1]), a * e[0] + along * z[0], 0.0)
         earth = cross(w, u)
         columns = (cross(e, wn), cross(f, e), cross(e, wc), cross(e, turn))
-        bend_v = cross(v, u)
-        bend_r = cross(v, (2.0 * earth[0], 2.0 * earth[1], 2.0 * earth[2]))
+        coriolis_v = cross(v, u)
+        coriolis_r = cross(v, (2.0 * earth[0], 2.0 * earth[1], 2.0 * earth[2]))
         for i in range(3):
             work[15 + i, j] = columns[0][i]
             work[15 + i, 3 + j] = u[i]
             work[15 + i, 6 + j] = earth[i]
             work[18 + i, j] = columns[1][i]
-            work[18 + i, 3 + j] = columns[2][i] + bend_v[i]
-            work[18 + i, 6 + j] = bend_r[i]
+            work[18 + i, 3 + j] = columns[2][i] + coriolis_v[i]
+            work[18 + i, 6 + j] = coriolis_r[i]
             work[21 + i, 6 + j] = columns[3][i]
             work[15 + i, 9 + j] = -s[20 + 3 * i + j] / t
             work[18 + i, 12 + j] = s[20 + 3 * i + j] / t
@@ -75,10 +75,10 @@ def propagate(work, noise, s, options, z, a, k, turn):
     work[23, 7] = 0.0
     # A height too great makes the frame turn too slowly.
     slower = (-a * turn[0], -a * turn[1], -a * turn[2])
-    bend = cross(v, slower)
+    coriolis = cross(v, slower)
     for i in range(3):
         work[15 + i, 8] += slower[i]
-        work[18 + i, 8] += bend[i]
+        work[18 + i, 8] += coriolis[i]
     work[20, 8] += 2.0 * 9.81 * a
     if vertical == 1:
         work[20, 8] -= options[4]

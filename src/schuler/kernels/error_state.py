@@ -7,7 +7,7 @@ the noise, go through the same gains: they add up to it.
 
 The navigation is that of `schuler.kernels.strapdown` in its wander frame, or one at a fixed place,
 for a vehicle that is stationary. There a sample may also be an interval of many samples, for which
-`inside` tells the mean rotation and the displacement.
+`inside` holds the mean rotation and the displacement.
 
 Source: Groves (2013), chapters 3 and 14.
 """
@@ -158,7 +158,7 @@ def run(
     transition, decay, columns : (9, size), (size,) float64, (3, size + 1) int64
         Of the last step.
     chain : (size, size) or (0, 0) float64
-        Transition since the last epoch, where a smoother wants it.
+        Transition since the last epoch, where a smoother needs it.
     scratch, flipped : (40, size), (size + 9, 12) float64
         Scratch arrays.
     time, dt, dtheta, dvel : (n,), (n,), (n, 3), (n, 3) float64

@@ -84,19 +84,9 @@ SCULLING = 10
 HELD_HEIGHT = 11
 CFG_SIZE = 12
 
-# Kinds of measurements.
-POSITION_FIX = 0
-VELOCITY_FIX = 1
-BODY_VELOCITY = 2
-ZERO_RATE = 3
-HEIGHT_FIX = 4
-HEADING_FIX = 5
-ZERO_DISPLACEMENT = 6
-CONSTANT_BASE = 7
-ZERO_FORCE = 8
+# The kind of a measurement whose rows a user's own code gives; those of schuler's own are in
+# `schuler.kernels.measurement_rows`.
 CUSTOM = 9
-ATTITUDE_FIX = 10
-RATE_FIX = 11
 
 # A row of the table of measurements.
 M_TIME = 0

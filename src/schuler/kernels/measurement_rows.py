@@ -29,6 +29,19 @@ from schuler.kernels.quat import qconj, qexp, qlog, qmul, qrotate, quat_to_matri
 from schuler.kernels.strapdown import SOMIGLIANA, ellipsoid, spin_axis
 from schuler.kernels.vec import add, axpy, cross, dot
 
+# Kinds of measurements; `ins_layout.CUSTOM` is 9.
+POSITION_FIX = 0
+VELOCITY_FIX = 1
+BODY_VELOCITY = 2
+ZERO_RATE = 3
+HEIGHT_FIX = 4
+HEADING_FIX = 5
+ZERO_DISPLACEMENT = 6
+CONSTANT_BASE = 7
+ZERO_FORCE = 8
+ATTITUDE_FIX = 10
+RATE_FIX = 11
+
 
 @helper
 def east_in_frame(q_ne):
@@ -135,8 +148,8 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
     arm = cross(w, lever)
     rotated = qrotate(q, arm)
     v_l = add(v, rotated)
-    if kind in (layout.POSITION_FIX, layout.VELOCITY_FIX):
-        if kind == layout.POSITION_FIX:
+    if kind in (POSITION_FIX, VELOCITY_FIX):
+        if kind == POSITION_FIX:
             d = offset_from(
                 four(state, layout.QUAT_NE), state[layout.HEIGHT],
                 row[layout.M_VALUE], row[layout.M_VALUE + 1],
@@ -168,7 +181,7 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
             else:
                 axis = (0.0, 0.0, 1.0)
             z[i] = dot(axis, value)
-            if kind == layout.VELOCITY_FIX:
+            if kind == VELOCITY_FIX:
                 z[i] -= row[layout.M_VALUE + i]
             # [turned x] phi = turned x phi; as a row: axis x turned.
             of_phi = cross(axis, turned)
@@ -177,14 +190,14 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
                 axis[0] * c[0][1] + axis[1] * c[1][1] + axis[2] * c[2][1],
                 axis[0] * c[0][2] + axis[1] * c[1][2] + axis[2] * c[2][2],
             )
-            first = 6 if kind == layout.POSITION_FIX else 3
+            first = 6 if kind == POSITION_FIX else 3
             # -[l x] eps in body axes, as a row: l x body.
             of_gyro = cross(lever, body)
-            of_lever = body if kind == layout.POSITION_FIX else cross(body, w)
+            of_lever = body if kind == POSITION_FIX else cross(body, w)
             for n in range(3):
                 h[i, n] = of_phi[n]
                 h[i, first + n] = axis[n]
-                if kind == layout.VELOCITY_FIX:
+                if kind == VELOCITY_FIX:
                     if at[layout.GYRO_BIAS] >= 0 and not of_row:
                         h[i, at[layout.GYRO_BIAS] + n] = of_gyro[n]
                     if at[layout.GYRO_MARKOV] >= 0 and not of_row:
@@ -195,7 +208,7 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
                     h[i, at_lever + n] = of_lever[n]
             if at_delay >= 0:
                 h[i, at_delay] = -dot(axis, change)
-    elif kind == layout.BODY_VELOCITY:
+    elif kind == BODY_VELOCITY:
         mount = four(aid, layout.A_MOUNT)
         scale = 1.0 + aid[layout.A_SCALE]
         at_scale = int(aid[layout.A_AT_SCALE])
@@ -233,7 +246,7 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
                     h[i, int(aid[layout.A_AT_MOUNT + n])] = scale * of_mount[n]
             if at_scale >= 0:
                 h[i, at_scale] = seen[i]
-    elif kind == layout.ZERO_RATE:
+    elif kind == ZERO_RATE:
         bias = (0.0, 0.0, 0.0)
         if at[layout.GYRO_BIAS] >= 0:
             bias = add(bias, three(est, at[layout.GYRO_BIAS]))
@@ -251,7 +264,7 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
                 h[i, at[layout.GYRO_BIAS] + i] = -1.0
             if at[layout.GYRO_MARKOV] >= 0:
                 h[i, at[layout.GYRO_MARKOV] + i] = -1.0
-    elif kind == layout.HEIGHT_FIX:
+    elif kind == HEIGHT_FIX:
         at_offset = int(aid[layout.A_AT_OFFSET])
         place = qrotate(q, lever)
         z[0] = state[layout.HEIGHT] + place[2] + aid[layout.A_OFFSET] - row[layout.M_VALUE]
@@ -263,7 +276,7 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
         if at_lever >= 0:
             for n in range(3):
                 h[0, at_lever + n] = c[2][n]
-    elif kind == layout.HEADING_FIX:
+    elif kind == HEADING_FIX:
         ce, se = 1.0, 0.0
         if not fixed:
             ce, se = east_in_frame(four(state, layout.QUAT_NE))
@@ -273,7 +286,7 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
         z[0] -= 2.0 * math.pi * math.floor(z[0] / (2.0 * math.pi) + 0.5)
         level = u[0] * u[0] + u[1] * u[1]
         h[0, 0], h[0, 1], h[0, 2] = -u[0] * u[2] / level, -u[1] * u[2] / level, 1.0
-    elif kind in (layout.ATTITUDE_FIX, layout.RATE_FIX):
+    elif kind in (ATTITUDE_FIX, RATE_FIX):
         turn = (0.0, 0.0, 0.0)
         at_mount = int(aid[layout.A_AT_MOUNT])
         if at_mount >= 0:
@@ -281,7 +294,7 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
         mount = qmul(four(aid, layout.A_MOUNT), qexp(turn))
         measured = three(row, layout.M_VALUE)
         mean, faster = rate_of_change(row, state, of_row)
-        if kind == layout.ATTITUDE_FIX:
+        if kind == ATTITUDE_FIX:
             # The master's attitude is East-North-Up; here it is turned into the wander frame.
             ce, se = 1.0, 0.0
             if not fixed:
@@ -306,12 +319,12 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
             z[i] = value[i]
             unit = (1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0)
             # A row of C, or of -[w x].
-            of_mount = c[i] if kind == layout.ATTITUDE_FIX else cross(rate_b, unit)
+            of_mount = c[i] if kind == ATTITUDE_FIX else cross(rate_b, unit)
             first = at[layout.FLEXURE]
             for n in range(3):
                 if first >= 0:
                     h[i, first + n] = -of_mount[n]
-            if kind == layout.ATTITUDE_FIX:
+            if kind == ATTITUDE_FIX:
                 h[i, i] = 1.0
                 for n in range(3):
                     if at[layout.GYRO_BIAS] >= 0 and not of_row:
@@ -331,7 +344,7 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
                     h[i, at_mount + n] = of_vector[n]
             if at_delay >= 0:
                 h[i, at_delay] = -change[i]
-    elif kind == layout.ZERO_DISPLACEMENT:
+    elif kind == ZERO_DISPLACEMENT:
         place = three(state, layout.DISPLACEMENT)
         start = quat_to_matrix(four(state, layout.QUAT_START))
         moved = axpy(-1.0, qrotate(four(state, layout.QUAT_START), lever), qrotate(q, lever))
@@ -343,7 +356,7 @@ def fill_rows(row, aid, state, est, at, cfg, transition, h, z, r):
             if at_lever >= 0:
                 for n in range(3):
                     h[i, at_lever + n] = c[i][n] - start[i][n]
-    elif kind == layout.CONSTANT_BASE:
+    elif kind == CONSTANT_BASE:
         turn = qlog(qmul(q, qconj(four(state, layout.QUAT_START))))
         for i in range(3):
             z[i] = turn[i] - row[layout.M_VALUE + i]

@@ -109,14 +109,14 @@ def take_sample(state, survey, est, at, cfg, options, t, part, a, f, inside):
         state[layout.MEAN_RATE + c] += weight * (ta[c] / h - state[layout.MEAN_RATE + c])
     rows = quat_to_matrix(qmul(q, qexp(scale(0.5, ta))))
     if cfg[layout.FIXED_PLACE] == 0.0:
-        q, v, p, height, pull, force = advance(
+        q, v, p, height, accel_n, force = advance(
             survey, options, cfg[layout.HELD_HEIGHT], h, ta, tv, con, scu,
             cfg[layout.CONING], cfg[layout.SCULLING], q, v, four(state, layout.QUAT_NE),
             state[layout.HEIGHT], three(state, layout.ACCELERATION),
         )  # fmt: skip
         put_four(state, layout.QUAT_NE, p)
         state[layout.HEIGHT] = height
-        put_three(state, layout.ACCELERATION, pull)
+        put_three(state, layout.ACCELERATION, accel_n)
     else:
         q, v, force = _fixed(state, at, cfg, est, h, ta, tv, con, scu, q, v)
     put_four(state, layout.QUAT_NB, q)
@@ -139,7 +139,7 @@ def _earth(at, cfg, est):
 
 @helper
 def _average(state, h, v):
-    """Carry the mean acceleration on to a new velocity."""
+    """Turn the mean acceleration with the frame to a new velocity."""
     weight = h / (layout.ACCELERATION_TIME + h) if state[layout.SAMPLES] > 0.0 else 1.0
     for c in range(3):
         now = (v[c] - state[layout.V_N + c]) / h

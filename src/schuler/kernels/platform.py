@@ -99,7 +99,7 @@ def _output(x, at, i, f, h):
 @kernel
 def filter_position(
     x, off, cov, first, outputs, order, axes, turning, harmonics, omega, earth, step, every, terms,
-    noise, walk, about, variant, tally,
+    noise, walk, about, variant, innovation_sums,
 ):  # fmt: skip
     """Feed output samples of one position; x, off and cov are left ready for more.
 
@@ -134,7 +134,7 @@ def filter_position(
         else about the estimate itself, which is x (the plain extended filter).
     variant : int
         0 covariance, 1 square root.
-    tally : (2,) float64
+    innovation_sums : (2,) float64
         Sum of squared normalised innovations and their count; added to.
     """
     size = x.shape[0]
@@ -261,8 +261,8 @@ def filter_position(
                     spread += value[q] * v[index[q]]
                 for r in range(size):
                     gain[r] = v[r] / spread
-            tally[0] += residual * residual / spread
-            tally[1] += 1.0
+            innovation_sums[0] += residual * residual / spread
+            innovation_sums[1] += 1.0
             if about:
                 for r in range(size):
                     off[r] += gain[r] * residual

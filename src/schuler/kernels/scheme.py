@@ -16,7 +16,7 @@ from schuler.kernels.centrifuge import invert_information, position_information
 
 SUM_RHO, MEAN_SQUARE, LOG_DET, LARGEST_EIGENVALUE, LARGEST_SIGMA = range(5)
 HOPELESS = 1e6
-"""The objective of a scheme that does not show every coefficient."""
+"""The objective of a scheme in which a coefficient is not observable."""
 
 
 @kernel

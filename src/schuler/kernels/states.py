@@ -58,7 +58,13 @@ class TrackerNode(TrackerSums):
 
 
 class TrackerState(TrackerSums):
-    """All that the next chunk needs."""
+    """All that the next chunk needs.
+
+    Examples
+    --------
+    >>> float(TrackerState.begin().samples)
+    0.0
+    """
 
     start = Field(low=-TIME, high=TIME)  # time stamp, s
     samples = Field(low=0.0, high=COUNT, whole=True)

@@ -1,7 +1,7 @@
 """Strapdown navigation that does not know poles: attitude, velocity and position, resumable.
 
 Coning and sculling as in `schuler.kernels.increments`; gravity, Coriolis and the turn of the frame
-are taken at the middle of each update, with velocity carried there by the last acceleration
+are taken at the middle of each update, with velocity propagated there by the last acceleration
 (Savage, 1998, parts 1 and 2).
 
 The navigation frame n is local level but turns about its own up axis only with the Earth: a
@@ -74,8 +74,8 @@ def ellipsoid(s2: float, height: float, code: int, constant: float):
     if code == SOMIGLIANA1:
         return a, k, g0 * (1.0 - 2.0 / EARTH_A * height), -2.0 / EARTH_A * g0, across
     slope = -2.0 / EARTH_A * (1.0 + EARTH_F + GRAVITY_M - 2.0 * EARTH_F * s2)
-    bend = 3.0 / (EARTH_A * EARTH_A) * height
-    return a, k, g0 * (1.0 + height * (slope + bend)), g0 * (slope + 2.0 * bend), across
+    curvature = 3.0 / (EARTH_A * EARTH_A) * height
+    return a, k, g0 * (1.0 + height * (slope + curvature)), g0 * (slope + 2.0 * curvature), across
 
 
 @helper
@@ -115,19 +115,19 @@ def level_turn(p, phi: Vec):
 
 
 @helper
-def stored(s, q, v, p, level: float, pull) -> None:
+def stored(s, q, v, p, level: float, accel_n) -> None:
     """Put the scalars of `advance` back into the state."""
     s[0], s[1], s[2], s[3] = q
     s[4], s[5], s[6] = v
     s[7], s[8], s[9], s[10] = p
     s[11] = level
-    s[12], s[13], s[14] = pull
+    s[12], s[13], s[14] = accel_n
 
 
 @helper
 def advance(
     s, options, aid: float, span: float, ta, tv, con, scu, coning: float, sculling: float,
-    q, v, p, level: float, pull,
+    q, v, p, level: float, accel_n,
 ):  # fmt: skip
     """Take one update of total angle and velocity, coning and sculling.
 
@@ -138,10 +138,10 @@ def advance(
     u = rotated_velocity(sculling, ta, tv, scu)
     # Where the middle of the update is, and how fast: by the last acceleration.
     half = 0.5 * span
-    middle = axpy(half, pull, v)
+    middle = axpy(half, accel_n, v)
     z = spin_axis(p)
     height = level + half * middle[2]
-    # The ellipsoid as it was some updates ago, carried here by its slopes: metres make no second
+    # The ellipsoid as it was some updates ago, propagated here by its slopes: metres make no second
     # order, and its roots and quotients are off the way from one update to the next.
     count = int(s[17])
     if count % SURVEY == 0:
@@ -163,11 +163,11 @@ def advance(
 
     force = qrotate(q, u)
     # Coriolis, and the half of the frame's turn that the force feels, in one product.
-    bend = add(cross(rate, axpy(0.5, force, middle)), cross(earth, middle))
+    coriolis = add(cross(rate, axpy(0.5, force, middle)), cross(earth, middle))
     dv = (
-        force[0] - span * bend[0],
-        force[1] - span * bend[1],
-        force[2] - span * (bend[2] + g),
+        force[0] - span * coriolis[0],
+        force[1] - span * coriolis[1],
+        force[2] - span * (coriolis[2] + g),
     )
     climb = 0.0
     vertical = int(options[2])
@@ -234,7 +234,7 @@ def navigate(
     tracked = cov.shape[0] > 0
     aided = aid.shape[0] > 0
     q, v, p = (s[0], s[1], s[2], s[3]), (s[4], s[5], s[6]), (s[7], s[8], s[9], s[10])
-    level, pull = s[11], (s[12], s[13], s[14])
+    level, accel_n = s[11], (s[12], s[13], s[14])
     ba, bv = (s[42], s[43], s[44]), (s[45], s[46], s[47])
     left = s[19]
     for i in range(time.shape[0]):
@@ -261,8 +261,8 @@ def navigate(
         held = aid[i] if aided else options[6]
         if tracked:
             gather(s, q, 0.5 * span)
-        q, v, p, level, pull, force = advance(
-            s, options, held, span, ta, tv, con, scu, coning, sculling, q, v, p, level, pull
+        q, v, p, level, accel_n, force = advance(
+            s, options, held, span, ta, tv, con, scu, coning, sculling, q, v, p, level, accel_n
         )
         if tracked:
             gather(s, q, 0.5 * span)
@@ -270,7 +270,7 @@ def navigate(
                 s[29 + c] += force[c]
             s[32] += span
             if s[32] >= noise[4] - 0.5 * span:
-                stored(s, q, v, p, level, pull)
+                stored(s, q, v, p, level, accel_n)
                 z = spin_axis(p)
                 turn = transport(s[33], s[34], z[0], z[1], v)
                 propagate(cov, noise, s, options, z, s[33], s[34], turn)
@@ -289,7 +289,7 @@ def navigate(
                     variances[rows, c] = cov[c, c]
             rows += 1
         s[16] = time[i]
-    stored(s, q, v, p, level, pull)
+    stored(s, q, v, p, level, accel_n)
     s[42], s[43], s[44] = ba
     s[45], s[46], s[47] = bv
     s[19] = left
@@ -356,7 +356,7 @@ def many(starts, options, dt, dtheta, dvel, errors, rng, ends):
         noisy = na > 0.0 or nv > 0.0
         before_a, before_v = (s[42], s[43], s[44]), (s[45], s[46], s[47])
         q, speed, p = (s[0], s[1], s[2], s[3]), (s[4], s[5], s[6]), (s[7], s[8], s[9], s[10])
-        level, pull = s[11], (s[12], s[13], s[14])
+        level, accel_n = s[11], (s[12], s[13], s[14])
         for i in range(dtheta.shape[0]):
             x, y, z = dtheta[i, 0], dtheta[i, 1], dtheta[i, 2]
             a = (
@@ -382,11 +382,11 @@ def many(starts, options, dt, dtheta, dvel, errors, rng, ends):
                     v[2] + nv * rng.standard_normal(),
                 )
             con, scu = previous_pair(before_a, before_v, a, v)
-            q, speed, p, level, pull, _ = advance(
-                s, options, options[6], dt, a, v, con, scu, 1.0, 1.0, q, speed, p, level, pull
+            q, speed, p, level, accel_n, _ = advance(
+                s, options, options[6], dt, a, v, con, scu, 1.0, 1.0, q, speed, p, level, accel_n
             )
             before_a, before_v = a, v
-        stored(s, q, speed, p, level, pull)
+        stored(s, q, speed, p, level, accel_n)
         s[42], s[43], s[44] = before_a
         s[45], s[46], s[47] = before_v
         ends[r, 0] = dt * dtheta.shape[0]

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from schuler.modulation.compare import (
-    RotationCase,
-    RotationComparison,
-    compare_rotation,
-    strapdown_end,
-)
+from schuler.modulation.case import RotationCase
+from schuler.modulation.compare import RotationComparison, compare_rotation, strapdown_end
 from schuler.modulation.history import RotationHistory, rotation_history
 from schuler.modulation.propagation import (
     TriadErrors,

@@ -13,7 +13,7 @@ from schuler._files import replacing
 from schuler._result import Result
 from schuler.constants import ARCMIN
 from schuler.errors import InputError
-from schuler.modulation.compare import RotationCase
+from schuler.modulation.case import RotationCase
 from schuler.modulation.propagation import error_series, turned
 from schuler.motion.named_schemes import named_scheme
 
@@ -162,6 +162,11 @@ def rotation_history(case: RotationCase) -> RotationHistory:
     ------
     InputError
         If the fixed instrument ends where it began: there is nothing to reduce.
+
+    Examples
+    --------
+    >>> float(rotation_history(RotationCase.from_toml("rotation.toml")).time[-1])
+    3600.0
     """
     schemes = dict(zip(_SCHEMES, (named_scheme("fixed"), case.single, case.double), strict=True))
     series: dict[str, dict[str, Array]] = {}

@@ -47,6 +47,11 @@ class TriadErrors:
     earth_seen : bool
         Whether the gyros' matrix acts on the Earth's rate too, as it does; a computation that lets
         it act on the table's rate alone says False.
+
+    Examples
+    --------
+    >>> TriadErrors(np.full(3, 5e-8), np.zeros(3)).gyro_bias.shape
+    (3,)
     """
 
     gyro_bias: ArrayLike = (0.0, 0.0, 0.0)
@@ -131,6 +136,13 @@ def turned(scheme: Scheme, duration: float, step: float = STEP) -> Turned:
     ------
     InputError
         If the duration is shorter than two steps.
+
+    Examples
+    --------
+    >>> from schuler.motion import named_scheme
+    >>> whole = turned(named_scheme("four-position"), 600.0)
+    >>> len(whole.attitude)
+    60
     """
     n = round(duration / step)
     if n < 2:
@@ -152,7 +164,7 @@ def turned(scheme: Scheme, duration: float, step: float = STEP) -> Turned:
 
 
 def _weights(lat: float, height: float, n: int, step: float) -> Array:
-    """Return how the level position at the end answers to u in each step, (n, 2, 5)."""
+    """Return how the horizontal position at the end responds to u in each step, (n, 2, 5)."""
     from scipy.linalg import expm
 
     f = error_matrix(lat, height)
@@ -194,6 +206,14 @@ def end_errors(
     -------
     (p, q, 2) ndarray
         East and north, m.
+
+    Examples
+    --------
+    >>> from schuler.motion import named_scheme
+    >>> whole = turned(named_scheme("four-position"), 3600.0)
+    >>> errors = TriadErrors([5e-8, 0.0, 0.0], np.zeros(3))
+    >>> end_errors(whole, errors, [0.0, 48.0], [0.0]).shape
+    (2, 1, 2)
     """
     lats = np.atleast_1d(np.asarray(latitudes, np.float64))
     heads = np.atleast_1d(np.asarray(headings, np.float64))
@@ -228,7 +248,16 @@ def end_errors(
 def error_series(
     motion: Turned, errors: TriadErrors, lat: float, heading: float, height: float = 0.0
 ) -> Array:
-    """Return all error states after each step, (n + 1, 7), as in `STATES`; lat, heading in deg."""
+    """Return all error states after each step, (n + 1, 7), as in `STATES`; lat, heading in deg.
+
+    Examples
+    --------
+    >>> from schuler.motion import named_scheme
+    >>> whole = turned(named_scheme("fixed"), 600.0)
+    >>> errors = TriadErrors([5e-8, 0.0, 0.0], np.zeros(3))
+    >>> error_series(whole, errors, 48.0, 0.0).shape
+    (61, 7)
+    """
     from scipy.linalg import expm
 
     f = error_matrix(lat * DEG, height)

@@ -54,7 +54,7 @@ class SchemeResidual:
     period: float
 
     def to_dict(self, lat: float) -> dict[str, Any]:
-        """Return the residuals in spoken units, at a latitude (deg).
+        """Return the residuals in customary units, at a latitude (deg).
 
         Scale factor terms are for 1 ppm, misalignments for 1 arcsec, in deg/h.
         """
@@ -89,6 +89,13 @@ def scheme_residual(scheme: Scheme, step: float = 0.25) -> SchemeResidual:
         its attitude repeats.
     step : float
         Of the quadrature (Simpson for C), s.
+
+    Examples
+    --------
+    >>> from schuler.motion import named_scheme
+    >>> left = scheme_residual(named_scheme("continuous"))
+    >>> round(float(left.bias[2, 2]), 3)
+    1.0
     """
     n = max(int(np.ceil(scheme.period / step)), 8)
     h = scheme.period / n
@@ -160,6 +167,12 @@ def optimise_scheme(
     ------
     InputError
         For a number of turns that cannot close, or if no order keeps within the travel.
+
+    Examples
+    --------
+    >>> best, drift = optimise_scheme(4, tries=4, rng=np.random.default_rng(1))
+    >>> drift > 0.0
+    True
     """
     if turns % 2 or not 4 <= turns <= 64:
         raise InputError(f"a scheme closes with an even number of half turns, 4 to 64, got {turns}")

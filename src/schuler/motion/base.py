@@ -38,6 +38,12 @@ class Track:
     levers : (k, 3) float64
         From the centre of each frame to the centre of the next (the last: to the IMU), in that
         frame, m.
+
+    Examples
+    --------
+    >>> from schuler.motion import Static
+    >>> Static(30.0).track(np.array([0.0])).quat_nb.round(3).tolist()
+    [[0.966, 0.0, 0.0, -0.259]]
     """
 
     path: Array
@@ -54,7 +60,19 @@ class Track:
 
 
 class Motion(Protocol):
-    """A motion about a site."""
+    """A motion about a site.
+
+    Examples
+    --------
+    >>> class Nodding:
+    ...     def track(self, t):
+    ...         angles = np.zeros((len(t), 3, 3))
+    ...         s, c = 0.1 * np.sin(t), 0.1 * np.cos(t)
+    ...         angles[:, 1] = np.column_stack([s, c, -s])
+    ...         return angles_track(angles)
+    >>> len(sc.simulate(Nodding(), site, 10.0, 20.0).record)
+    200
+    """
 
     def track(self, t: Array) -> Track:
         """Return the motion at times t (n,), s since its start."""
@@ -72,6 +90,14 @@ class Sum:
     """Motions of the same chain that add: a route with sway on it.
 
     Ways add, and so do the Euler angles frame by frame, each with its derivatives.
+
+    Examples
+    --------
+    >>> from schuler.motion import Lines, Static, Sway
+    >>> one = np.array([0.5])
+    >>> sway = Sway(lines=(Lines("pitch", one, one, one),))
+    >>> Sum((Static(30.0), sway)).track(np.array([0.0, 0.5])).quat_nb.shape
+    (2, 4)
     """
 
     parts: tuple[Motion, ...]
@@ -90,7 +116,15 @@ class Sum:
 
 @dataclass(frozen=True)
 class Carried:
-    """A motion on board another: a turntable on a ship, at a lever arm (m, carrier's frame)."""
+    """A motion on board another: a turntable on a ship, at a lever arm (m, carrier's frame).
+
+    Examples
+    --------
+    >>> from schuler.motion import Dwell, Static, Turn, Turntable
+    >>> table = Turntable([Dwell(10.0), Turn("psi", 90.0)])
+    >>> Carried(Static(30.0), table).track(np.array([0.0, 30.0])).quat_nb.shape
+    (2, 4)
+    """
 
     carrier: Motion
     motion: Motion

@@ -34,6 +34,12 @@ class Centrifuge:
         psi, theta, gamma of the IMU on the platform, deg.
     start : float
         Angle of the arm at the start, counter-clockwise from east, deg.
+
+    Examples
+    --------
+    >>> arm = Centrifuge(radius=2.0, rate=90.0)
+    >>> arm.track(np.array([0.0, 1.0])).quat_nb.shape
+    (2, 4)
     """
 
     radius: float

@@ -77,6 +77,11 @@ def named_scheme(
     ------
     InputError
         For an unknown name, or limits that it breaks.
+
+    Examples
+    --------
+    >>> named_scheme("four-position", dwell=60.0).period
+    298.0
     """
     t = limits or Limits()
     if dwell is None:
@@ -115,6 +120,11 @@ def load_scheme(scheme: str | Path | Scheme, *, limits: Limits | None = None) ->
     ------
     InputError
         If it is neither.
+
+    Examples
+    --------
+    >>> load_scheme("two-axis-16").name
+    'two-axis-16'
     """
     if isinstance(scheme, Scheme):
         return scheme if limits is None else replace(scheme, limits=limits)

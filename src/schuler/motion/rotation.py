@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from schuler._files import check_keys, number, read_toml
 from schuler.attitude import euler_to_quat, multiply
 from schuler.constants import DEG
-from schuler.errors import InputError
+from schuler.errors import InputError, located
 from schuler.motion.base import Carried, Motion, Track
 from schuler.motion.turntable import AXES, Dwell, Spin, Turn, Turntable
 
@@ -37,6 +37,11 @@ class Limits:
         Furthest that an axis may be from its start, deg; None is a slip ring: no limit.
     encoder : float
         Resolution of the angle encoders, deg; 0 is perfect.
+
+    Examples
+    --------
+    >>> Limits(rate=20.0, travel=370.0).rate
+    20.0
     """
 
     rate: float = 10.0
@@ -77,7 +82,14 @@ class Scheme:
     Raises
     ------
     InputError
-        If a step asks for more than the table can do.
+        If a step needs more than the table can do.
+
+    Examples
+    --------
+    >>> from schuler.motion import Dwell, Turn
+    >>> steps = (Dwell(60.0), Turn("psi", 180.0), Dwell(60.0), Turn("psi", -180.0))
+    >>> Scheme("to and fro", steps).period
+    158.0
     """
 
     name: str
@@ -241,15 +253,21 @@ class Scheme:
         """
         path = Path(path)
         data = read_toml(path)
-        try:
+        with located(path):
             return cls.from_dict(data, path.stem)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
 
 
 @dataclass(frozen=True)
 class NorthLocked:
-    """A table on a carrier whose outer axis takes the carrier's heading out."""
+    """A table on a carrier whose outer axis takes the carrier's heading out.
+
+    Examples
+    --------
+    >>> from schuler.motion import Dwell, Static, Turntable
+    >>> locked = NorthLocked(Static(30.0), Turntable([Dwell(10.0)]))
+    >>> locked.track(np.array([0.0])).quat_nb.shape
+    (1, 4)
+    """
 
     carrier: Motion
     table: Motion
@@ -278,5 +296,10 @@ def carrier_attitude(imu: ArrayLike, encoder: ArrayLike) -> Array:
         q of the IMU, to n.
     encoder : (..., 3) array_like
         The table's psi, theta, gamma, rad.
+
+    Examples
+    --------
+    >>> carrier_attitude([1.0, 0.0, 0.0, 0.0], [np.pi / 2, 0.0, 0.0]).round(3).tolist()
+    [0.707, 0.0, 0.0, -0.707]
     """
     return multiply(imu, euler_to_quat(encoder) * [1.0, -1.0, -1.0, -1.0])

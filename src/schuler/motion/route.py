@@ -36,6 +36,11 @@ class Manoeuvre:
     speed, turn, climb : float
         Change of speed (m/s), of course (deg, clockwise) and of the path's angle above level
         (deg).
+
+    Examples
+    --------
+    >>> Manoeuvre(10.0, speed=5.0, turn=90.0)
+    Manoeuvre(time=10.0, speed=5.0, turn=90.0, climb=0.0)
     """
 
     time: float
@@ -78,6 +83,12 @@ class Route:
         Bank in turns.
     lever : (3,) tuple
         To the IMU, body axes, m.
+
+    Examples
+    --------
+    >>> route = Route([Manoeuvre(10.0, turn=90.0)], speed=10.0)
+    >>> route.duration
+    10.0
     """
 
     manoeuvres: Sequence[Manoeuvre]

@@ -1,4 +1,4 @@
-"""A ship: a wave spectrum, and how the hull answers it in roll, pitch, yaw and heave.
+"""A ship: a wave spectrum, and how the hull responds to it in roll, pitch, yaw and heave.
 
 The surface is a sum of waves drawn from a Pierson-Moskowitz or JONSWAP spectrum. Roll and pitch
 answer the wave's slope, heave its height, each as a damped oscillator with the hull's natural
@@ -33,6 +33,11 @@ class Sea:
         Period of the spectrum's peak, s.
     gamma : float
         JONSWAP's peak enhancement; 1 is Pierson-Moskowitz, 3.3 the usual North Sea value.
+
+    Examples
+    --------
+    >>> Sea(height=2.0, period=8.0, gamma=3.3).spectrum(np.array([0.125])).shape
+    (1,)
     """
 
     height: float
@@ -65,9 +70,14 @@ class Sea:
 
 @dataclass(frozen=True)
 class Hull:
-    """How a hull answers: natural periods (s), damping ratios, and shares of slope and height.
+    """How a hull responds: natural periods (s), damping ratios, and shares of slope and height.
 
     Defaults are those of a ship of some thousand tons.
+
+    Examples
+    --------
+    >>> Hull(roll_period=10.0).roll_period
+    10.0
     """
 
     roll_period: float = 12.0
@@ -111,6 +121,12 @@ def moored_ship(
         From the centre of rotation to the IMU, in body axes, m.
     lines : int
         Waves drawn.
+
+    Examples
+    --------
+    >>> ship = moored_ship(np.random.default_rng(1), Sea(2.0, 8.0), heading=45.0)
+    >>> ship.heading
+    45.0
     """
     hull = hull or Hull()
     edges = np.geomspace(0.5, 4.0, lines + 1) / sea.period

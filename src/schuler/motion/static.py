@@ -17,7 +17,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Static:
-    """A base at rest with an attitude in degrees: heading clockwise, pitch, roll."""
+    """A base at rest with an attitude in degrees: heading clockwise, pitch, roll.
+
+    Examples
+    --------
+    >>> round(sc.simulate(Static(30.0, pitch=2.0), site, 10.0, 20.0).heading_deg(), 3)
+    30.0
+    """
 
     heading: float = 0.0
     pitch: float = 0.0

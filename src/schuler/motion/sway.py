@@ -39,6 +39,11 @@ class Lines:
         deg or m.
     phase : (k,) float64
         rad.
+
+    Examples
+    --------
+    >>> Lines("roll", np.array([0.1]), np.array([0.2]), np.array([0.0])).channel
+    'roll'
     """
 
     channel: str
@@ -72,6 +77,11 @@ class Band:
         Hz.
     lines : int
         Sinusoids drawn, evenly in frequency with a random place in their share of the band.
+
+    Examples
+    --------
+    >>> Band("roll", rms=0.2, low=0.1, high=1.0).draw(np.random.default_rng(1)).channel
+    'roll'
     """
 
     channel: str
@@ -113,6 +123,12 @@ class Sway:
         What moves.
     lever : (3,) tuple
         From the centre of rotation to the IMU, in body axes, m.
+
+    Examples
+    --------
+    >>> swell = Lines("roll", np.array([0.1]), np.array([2.0]), np.array([0.0]))
+    >>> Sway(heading=30.0, lines=(swell,)).track(np.array([0.0, 2.5])).quat_nb.shape
+    (2, 4)
     """
 
     heading: float = 0.0

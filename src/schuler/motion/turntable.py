@@ -27,7 +27,13 @@ AXES = ("psi", "theta", "gamma")
 
 @dataclass(frozen=True)
 class Dwell:
-    """Stand still for a time, s."""
+    """Stand still for a time, s.
+
+    Examples
+    --------
+    >>> Turntable((Dwell(60.0),)).period
+    60.0
+    """
 
     time: float
 
@@ -48,6 +54,11 @@ class Turn:
         deg.
     rate, acceleration : float
         Limits, deg/s and deg/s^2.
+
+    Examples
+    --------
+    >>> Turn("psi", 90.0, rate=10.0, acceleration=20.0).time
+    10.0
     """
 
     axis: str
@@ -118,6 +129,11 @@ class Spin:
         deg/s, counter-clockwise positive.
     time : float
         s.
+
+    Examples
+    --------
+    >>> Spin("psi", rate=6.0, time=10.0).angle
+    60.0
     """
 
     axis: str
@@ -158,6 +174,12 @@ class Turntable:
         Begin again after the last step.
     lever : (3,) tuple
         From the axes' crossing to the IMU, in body axes, m.
+
+    Examples
+    --------
+    >>> table = Turntable((Dwell(60.0), Turn("psi", 180.0)), start=(30.0, 0.0, 0.0))
+    >>> round(table.period, 1)
+    79.0
     """
 
     steps: Sequence[Dwell | Turn | Spin]
@@ -203,6 +225,11 @@ def four_position(
     rate, acceleration : float
         deg/s and deg/s^2.
     axis : {"psi", "theta", "gamma"}
+
+    Examples
+    --------
+    >>> round(four_position(60.0).period)
+    298
     """
     steps: list[Dwell | Turn] = []
     for angle in (180.0, 90.0, -180.0, -90.0):
@@ -219,6 +246,11 @@ def two_axis_16(dwell: float, *, rate: float = 10.0, acceleration: float = 20.0)
         s.
     rate, acceleration : float
         deg/s and deg/s^2.
+
+    Examples
+    --------
+    >>> len(two_axis_16(20.0).steps)
+    32
     """
     order = [("psi", 1), ("gamma", 1), ("psi", 1), ("gamma", 1),
              ("gamma", 1), ("psi", 1), ("gamma", 1), ("psi", 1)]  # fmt: skip
@@ -241,6 +273,11 @@ def continuous_rotation(
     turns : int
         Whole turns before it reverses.
     axis : {"psi", "theta", "gamma"}
+
+    Examples
+    --------
+    >>> round(continuous_rotation(6.0).period)
+    121
     """
     if turns < 1:
         raise InputError(f"turns must be 1 or more, got {turns}")

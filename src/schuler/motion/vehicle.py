@@ -143,6 +143,11 @@ class Crew:
         How often someone boards or leaves, and the tilt step, deg.
     slams_per_minute, slam_g : float
         How often a door slams, and the peak it makes, g.
+
+    Examples
+    --------
+    >>> Crew(wind_deg=0.0).wind_deg
+    0.0
     """
 
     idle_g: float = 0.02
@@ -235,6 +240,12 @@ class DisturbedVehicle:
     sway : Sway
         Mean attitude, lines and lever arm.
     events : sequence of Event
+
+    Examples
+    --------
+    >>> truck = DisturbedVehicle.with_crew(np.random.default_rng(1), 60.0, heading=30.0)
+    >>> truck.track(np.array([0.0, 1.0])).quat_nb.shape
+    (2, 4)
     """
 
     sway: Sway

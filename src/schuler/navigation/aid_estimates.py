@@ -102,6 +102,13 @@ def estimates(
     for group, name in (("gyro_scale", "gyro_scale"), ("accelerometer_scale", "accel_scale")):
         if group in layout:
             out[name] = pair(group)
+    for sensor, name in (("gyro", "gyro"), ("accelerometer", "accel")):
+        group = f"{sensor}_matrix"
+        if group in layout:
+            value, spread = (np.array(x).reshape(3, 3) for x in pair(group))
+            across = ~np.eye(3, dtype=bool)
+            out[f"{name}_scale"] = [np.diag(x).tolist() for x in (value, spread)]
+            out[f"{name}_axes_deg"] = [(x[across] / DEG).tolist() for x in (value, spread)]
     return out
 
 

@@ -48,6 +48,7 @@ from schuler.navigation.aided_setup import (
     output_times,
     prior_of,
     rests_of,
+    sensor_groups,
 )
 from schuler.navigation.aiding_options import AidingOptions
 from schuler.navigation.outages import Outages
@@ -147,7 +148,7 @@ def navigate_aided(
         measured += measurements_of(known, record, used, handling)
         layout = Layout([
             "phi", "velocity", "position", "gyro_bias", "accelerometer_bias",
-            *(["gyro_scale", "accelerometer_scale"] if options.scale else []),
+            *sensor_groups(options, spec),
             *dict.fromkeys(group for aid in measured for group in aid.groups),
             *((group.name, group.size) for group in added.values()),
         ])  # fmt: skip
@@ -206,7 +207,7 @@ def _against_priors(flt: ErrorStateFilter, prior: Array) -> tuple[list[str], lis
     doppler = {aid.group("mount") for aid in flt.aids if isinstance(aid, DopplerRows)}
     for group in flt.layout:
         part = group.rpartition(".")[2]
-        known = part in PRIORS or group.endswith("_scale")
+        known = part in PRIORS or group.endswith(("_scale", "_matrix"))
         if not known or group in own:
             continue
         size = np.abs(flt.parameter(group)) / prior[flt.layout[group]]

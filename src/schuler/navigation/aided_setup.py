@@ -39,7 +39,7 @@ from schuler.sensors import ImuSpec
 
 __all__ = [
     "CONSTRAINT", "GATE", "PRIORS", "Begin", "begin_of", "bias_at_rest", "common_span",
-    "fix_measurements", "noise_of", "output_times", "prior_of", "rests_of",
+    "fix_measurements", "noise_of", "output_times", "prior_of", "rests_of", "sensor_groups",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -226,6 +226,23 @@ def output_times(
     return np.unique(np.concatenate(out)) if out else np.zeros(0)
 
 
+def sensor_groups(options: AidingOptions, spec: ImuSpec | None) -> list[str]:
+    """Return the groups of the sensors' errors beside their biases.
+
+    `spec` is that of the user: one that is assumed says nothing of the axes.
+    """
+    out = []
+    for sensor in ("gyro", "accelerometer"):
+        axes = options.axes
+        if axes is None:
+            errors = None if spec is None else getattr(spec, sensor)
+            axes = errors is not None and bool(errors.misalignment or errors.non_orthogonality)
+        # A matrix has the scale factors on its diagonal.
+        if axes or options.scale:
+            out.append(f"{sensor}_{'matrix' if axes else 'scale'}")
+    return out
+
+
 def noise_of(
     layout: Layout, spec: ImuSpec, options: AidingOptions, aids: Mapping[str, GroupNoise],
     span: float,
@@ -253,10 +270,15 @@ def prior_of(
         "phi": begin.sigma, "velocity": begin.v_sigma, "position": begin.r_sigma,
         **instrument_prior(layout, spec), "gyro_bias": bias_sigma, **aids,
     }  # fmt: skip
-    if options.scale:
-        gyro, accel = spec.gyro.scale_factor, spec.accelerometer.scale_factor
-        sigma["gyro_scale"] = gyro or options.scale_sigma[0]
-        sigma["accelerometer_scale"] = accel or options.scale_sigma[1]
+    for k, (sensor, errors) in enumerate(
+        (("gyro", spec.gyro), ("accelerometer", spec.accelerometer))
+    ):
+        scale = errors.scale_factor or options.scale_sigma[k]
+        sigma[f"{sensor}_scale"] = scale
+        across = float(np.hypot(errors.misalignment, errors.non_orthogonality))
+        matrix = np.full((3, 3), across or options.axes_sigma[k])
+        np.fill_diagonal(matrix, scale)
+        sigma[f"{sensor}_matrix"] = matrix.ravel()
     out = np.zeros(layout.size)
     for group in layout:
         part = group.rpartition(".")[2]

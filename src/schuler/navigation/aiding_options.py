@@ -34,6 +34,11 @@ class AidingOptions:
         Estimate scale factors of gyros and accelerometers.
     scale_sigma : (float, float)
         Their 1-sigma before, gyros and accelerometers, where the specification has none.
+    axes : bool, optional
+        Estimate misalignments with the scale factors, nine states to a triad; where the
+        specification has misalignments, when not given.
+    axes_sigma : (float, float)
+        Their 1-sigma before, gyros and accelerometers, rad, where the specification has none.
     vibration : float
         Velocity random walk on the vehicle, m/s/sqrt(s); the specification's where that is larger.
     robust : {None, "huber", "igg3"}
@@ -41,6 +46,12 @@ class AidingOptions:
         Smooth afterwards.
     longest_interval : float
         Time between rows of output where nothing is measured, s; half as much more is let pass.
+
+    Examples
+    --------
+    >>> options = AidingOptions(non_holonomic=True, robust="huber")
+    >>> sc.navigate(drive, aiding=[gnss], spec=spec, options=options).consistent
+    True
     """
 
     non_holonomic: bool = False
@@ -51,6 +62,8 @@ class AidingOptions:
     zero_velocity: bool = False
     scale: bool = False
     scale_sigma: tuple[float, float] = (0.01, 0.02)
+    axes: bool | None = None
+    axes_sigma: tuple[float, float] = (0.002, 0.002)
     vibration: float = VIBRATION
     robust: str | None = None
     smooth: bool = False

@@ -27,6 +27,12 @@ def error_matrix(lat: float, height: float = 0.0, force: float | None = None) ->
         rad and m.
     force : float, optional
         Specific force upward, m/s^2; normal gravity when not given.
+
+    Examples
+    --------
+    >>> f = error_matrix(site.latitude)
+    >>> f.shape
+    (7, 7)
     """
     rm, rn = (float(r) + height for r in radii(lat))
     g = float(gravity(lat, height)) if force is None else force

@@ -44,7 +44,13 @@ def cep(errors: ArrayLike) -> float:
 
 
 def schuler_rate(lat: float, height: float = 0.0) -> float:
-    """Return the Schuler rate sqrt(g/R) at a latitude (rad) and height (m), rad/s."""
+    """Return the Schuler rate sqrt(g/R) at a latitude (rad) and height (m), rad/s.
+
+    Examples
+    --------
+    >>> round(2.0 * np.pi / schuler_rate(site.latitude) / 60.0, 1)
+    84.5
+    """
     rm, rn = (float(r) + height for r in radii(lat))
     return float(np.sqrt(float(gravity(lat, height)) / np.sqrt(rm * rn)))
 
@@ -88,6 +94,14 @@ def components(time: ArrayLike, error: ArrayLike, lat: float, height: float = 0.
     ------
     InputError
         If the record is shorter than two Schuler periods.
+
+    Examples
+    --------
+    >>> time = np.arange(0.0, 20000.0, 60.0)
+    >>> rate = schuler_rate(site.latitude)
+    >>> found = components(time, 100.0 * np.sin(rate * time), site.latitude)
+    >>> [round(float(x)) for x in np.ravel(found.schuler)][:1]
+    [104]
     """
     t, e = np.asarray(time, np.float64), np.asarray(error, np.float64)
     t = t - t[0]
@@ -167,7 +181,7 @@ class Evaluation(Result):
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the figures, in the units that people speak."""
+        """Return the figures, in customary units."""
         e, n, u = (float(v) for v in self.position[-1])
         out: dict[str, Any] = {
             "reference": self.reference, "rows": len(self.time), "time_s": float(self.time[-1]),

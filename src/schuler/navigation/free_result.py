@@ -27,6 +27,13 @@ class FreeNavigation(Result):
         ``contradictions``, ``heading_deg`` and ``sigma_arcmin`` by axis.
     evaluation : Evaluation or None
         Against a reference.
+
+    Examples
+    --------
+    >>> start = sc.Start.from_alignment(site, fix)
+    >>> flown = FreeNavigation(sc.navigate(record, start), "somigliana", "off")
+    >>> flown.to_dict()["vertical"]
+    'off'
     """
 
     path: Trajectory

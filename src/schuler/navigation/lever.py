@@ -32,7 +32,7 @@ def at_lever(
     lever : (3,) array_like
         From the IMU, in body axes (right, forward, up), m.
     rate_n : (n, 3) array_like, optional
-        The body's rate against the level frame, rad/s; by default `rates` of the path, which wants
+        The body's rate against the level frame, rad/s; by default `rates` of the path, which needs
         every sample of a fast motion.
     covariances : (n, 9, 9) array_like, optional
         Of phi (rad), velocity (m/s) and position (m) of the path, East-North-Up.
@@ -42,6 +42,12 @@ def at_lever(
     InputError
         For a lever that is not three finite numbers, or a path of fewer than three rows or
         without velocity or attitude.
+
+    Examples
+    --------
+    >>> antenna = at_lever(driven, [0.0, 0.0, 1.5])
+    >>> round(float((antenna.height - driven.height)[0]), 2)
+    1.5
     """
     l_b = np.asarray(lever, np.float64)
     if l_b.shape != (3,) or not np.all(np.isfinite(l_b)):

@@ -211,6 +211,12 @@ class Navigator:
 
         With it memory is constant for any length; `path` then has the rows that are left, or the
         last update alone.
+
+        Examples
+        --------
+        >>> navigator = sc.Navigator(sc.Start.from_alignment(site, fix)).update(record)
+        >>> len(navigator.drain())
+        1201
         """
         rows, variances = self._rows, self._variances
         self._rows, self._variances = [], []

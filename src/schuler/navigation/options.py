@@ -29,6 +29,11 @@ class Gravity:
     ------
     InputError
         For an unknown model, or a value that is no gravity.
+
+    Examples
+    --------
+    >>> Gravity("constant", 9.7944).value
+    9.7944
     """
 
     model: str = "somigliana"
@@ -62,6 +67,13 @@ class Vertical:
     ------
     InputError
         For an unknown mode or a time constant that is not positive.
+
+    Examples
+    --------
+    >>> start = sc.Start.from_alignment(site, fix)
+    >>> path = sc.navigate(record, start, vertical=Vertical("damped", time_constant=20.0))
+    >>> bool(abs(path.height[-1] - site.height) < 1.0)
+    True
     """
 
     mode: str = "free"
@@ -84,7 +96,7 @@ class Vertical:
     def gains(self) -> tuple[float, float, float]:
         """Gains of velocity (1/s), acceleration (1/s^2) and its integral (1/s^3)."""
         r = 1.0 / self.time_constant
-        # 2 g/R is what the pole of the free channel asks for on top.
+        # 2 g/R is what the pole of the free channel needs on top.
         return 3.0 * r, 3.0 * r * r + 3.08e-6, r**3
 
 
@@ -102,6 +114,11 @@ def parse_gravity(text: str | Gravity | None) -> Gravity:
     ------
     InputError
         If it is neither.
+
+    Examples
+    --------
+    >>> parse_gravity("constant=9.7944").value
+    9.7944
     """
     if isinstance(text, Gravity):
         return text

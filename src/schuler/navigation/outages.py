@@ -106,6 +106,12 @@ class OutageScore:
         The largest in each.
     normalised_rms : float
         Of all errors over their sigma, that of the fix with it: 1 where sigma is right.
+
+    Examples
+    --------
+    >>> score = OutageScore(np.array([3.0, 4.0]), np.array([0.3, 0.2]), 1.0)
+    >>> score.to_dict()["median_horizontal_m"]
+    3.5
     """
 
     horizontal: Array

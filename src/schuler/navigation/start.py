@@ -146,6 +146,11 @@ class Start:
         ------
         InputError
             For a quaternion or velocity of another shape, or not finite.
+
+        Examples
+        --------
+        >>> float(sc.Start.from_alignment(site, fix).state().height)
+        500.0
         """
         q, v = np.asarray(self.quat_nb, np.float64), np.asarray(self.v_n, np.float64)
         if q.shape != (4,) or not abs(np.linalg.norm(q) - 1.0) < 1e-6:

@@ -51,6 +51,11 @@ class Prefilter(ABC):
     """Record to record; options are the fields of the dataclass.
 
     ``LowPass(0.05) | Gate(0.003)`` is a `Chain`.
+
+    Examples
+    --------
+    >>> isinstance(sc.LowPass(1.0), Prefilter)
+    True
     """
 
     @property

@@ -133,6 +133,13 @@ def split_index(modes: Array, *, first: bool = True) -> int:
     first : bool
         Split at the first local minimum. The least value of all, as printed, may be a weak slow
         mode far behind the noise, and then takes the signal away with it.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> x = np.sin(np.arange(400) / 20.0) + 0.1 * rng.standard_normal(400)
+    >>> split_index(decompose(x)) > 0
+    True
     """
     energy = np.mean(modes[:-1] ** 2, axis=1)
     if not len(energy):
@@ -175,6 +182,13 @@ def ceemdan(
     ------
     InputError
         For a bad series or option.
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(1).standard_normal(200)
+    >>> modes = ceemdan(x, np.random.default_rng(2), realisations=4)
+    >>> bool(np.allclose(modes.sum(axis=0), x))
+    True
     """
     from schuler.kernels.sift import FIXED, sift
 

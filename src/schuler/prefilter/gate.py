@@ -56,6 +56,11 @@ class Gate(Prefilter):
         ------
         InputError
             If gravity is not known.
+
+        Examples
+        --------
+        >>> int(sc.Gate(0.5).at(site.gravity).rejected(record).sum())
+        0
         """
         if self.gravity is None:
             raise InputError("a gate needs gravity: say Gate(gravity=site.gravity)")

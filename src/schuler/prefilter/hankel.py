@@ -108,6 +108,12 @@ class Hankel(Prefilter):
     channels : {"accel", "gyro", "both"}
     frame : {"inertial", "body"}
         Where the force is filtered (`each_channel`).
+
+    Examples
+    --------
+    >>> smooth = Hankel(rank=2, window=1.0)(record.between(None, 10.0))
+    >>> len(smooth)
+    200
     """
 
     rank: int | str = 4

@@ -75,6 +75,11 @@ class LowPass(Prefilter):
         ------
         InputError
             If the cut-off is not below half the sampling rate.
+
+        Examples
+        --------
+        >>> sc.LowPass(1.0).sections(0.05).shape[1]
+        6
         """
         from scipy import signal
 
@@ -87,7 +92,13 @@ class LowPass(Prefilter):
         return np.asarray(signal.butter(self.order, self.cutoff, fs=rate, output="sos"))
 
     def taps(self, interval: float) -> Array:
-        """Return the taps (k,) of the FIR filter for a sampling interval, s."""
+        """Return the taps (k,) of the FIR filter for a sampling interval, s.
+
+        Examples
+        --------
+        >>> len(sc.LowPass(1.0).taps(0.05)) % 2
+        1
+        """
         from scipy import signal
 
         count = 2 * round(1.65 / (self.cutoff * interval)) + 1
@@ -134,7 +145,13 @@ class LowPass(Prefilter):
         return each_channel(record, self.channels, self.frame, run)
 
     def memory(self, interval: float) -> int:
-        """Return the samples after which the filter has forgotten its start."""
+        """Return the samples after which the filter has forgotten its start.
+
+        Examples
+        --------
+        >>> sc.LowPass(1.0).memory(0.05) > 0
+        True
+        """
         return int(3.0 / (self.cutoff * interval)) + 1
 
     @property
@@ -149,6 +166,12 @@ class LowPass(Prefilter):
         ------
         InputError
             If the filter needs the whole record.
+
+        Examples
+        --------
+        >>> stream = sc.LowPass(1.0, frame="body").stream()
+        >>> type(stream).__name__
+        'LowPassStream'
         """
         if not self.streams:
             raise InputError(

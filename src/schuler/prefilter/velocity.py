@@ -75,6 +75,12 @@ class VelocityEmd(Prefilter):
         blocks a record can be a stream (`VelocityEmdStream`).
     overlap : float
         Of two blocks, s, over which one passes into the next.
+
+    Examples
+    --------
+    >>> smooth = VelocityEmd(siftings=20)(record.between(None, 20.0))
+    >>> len(smooth)
+    400
     """
 
     threshold: float = 0.25
@@ -128,6 +134,13 @@ class VelocityEmd(Prefilter):
             Intrinsic mode functions, the fastest first, and the residual.
         trend : (n,) float64
             The polynomial.
+
+        Examples
+        --------
+        >>> velocity = np.cumsum(record.dvel[:, 0])
+        >>> modes, trend = sc.VelocityEmd(siftings=20).modes(velocity, 0.05)
+        >>> bool(np.allclose(modes.sum(axis=0) + trend, velocity))
+        True
         """
         basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(velocity)), self.trend)
         coefficients = np.linalg.lstsq(basis, velocity, rcond=None)[0]
@@ -157,7 +170,17 @@ class VelocityEmd(Prefilter):
         return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]), turn
 
     def rebuilt(self, velocity: Array, interval: float) -> Array:
-        """Return the velocity (n, 3), m/s, without the modes that are dropped."""
+        """Return the velocity (n, 3), m/s, without the modes that are dropped.
+
+        Examples
+        --------
+        >>> emd = sc.VelocityEmd(siftings=20)
+        >>> steps = record.dvel[:200]
+        >>> velocity = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+        >>> rebuilt = emd.rebuilt(velocity, 0.05)
+        >>> bool(np.allclose(rebuilt - velocity, emd.correction(steps, 0.05)))
+        True
+        """
 
         def run(axis: int) -> Array:
             series = np.ascontiguousarray(velocity[:, axis])
@@ -168,7 +191,13 @@ class VelocityEmd(Prefilter):
             return np.column_stack(list(pool.map(run, range(3))))
 
     def correction(self, steps: Array, interval: float) -> Array:
-        """Return what is added to the velocity (n + 1, 3), m/s, of steps (n, 3) of a block."""
+        """Return what is added to the velocity (n + 1, 3), m/s, of steps (n, 3) of a block.
+
+        Examples
+        --------
+        >>> VelocityEmd(siftings=20).correction(np.zeros((200, 3)), 0.05).shape
+        (201, 3)
+        """
         velocity = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
         return np.asarray(self.rebuilt(velocity, interval) - velocity)
 
@@ -179,6 +208,11 @@ class VelocityEmd(Prefilter):
         ------
         InputError
             For a record that is short or unevenly sampled.
+
+        Examples
+        --------
+        >>> len(sc.VelocityEmd(siftings=20).whole(record.between(None, 20.0)))
+        400
         """
         interval = even_interval(record)
         velocity, turn = self.velocity(record)

@@ -29,6 +29,12 @@ class Wavelet(Prefilter):
     channels : {"accel", "gyro", "both"}
     frame : {"inertial", "body"}
         Where the force is filtered (`each_channel`).
+
+    Examples
+    --------
+    >>> smooth = Wavelet("db4", levels=3)(record)
+    >>> len(smooth)
+    1200
     """
 
     wavelet: str = "db4"

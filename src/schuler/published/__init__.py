@@ -11,15 +11,8 @@ from importlib import import_module
 from typing import Any
 
 from schuler.errors import InputError, near
-from schuler.published.result import (
-    Curve,
-    Experiment,
-    Figure,
-    Options,
-    Row,
-    changeable,
-    conditions,
-)
+from schuler.published.figures import Curve, Figure
+from schuler.published.result import Experiment, Options, Row, changeable, conditions
 
 __all__ = [
     "EXPERIMENTS",
@@ -73,7 +66,13 @@ def run(
 
 
 def to_dict(experiments: Iterable[Experiment]) -> dict[str, Any]:
-    """Return experiments with the keys of the JSON schema `schuler.published/1`."""
+    """Return experiments with the keys of the JSON schema `schuler.published/1`.
+
+    Examples
+    --------
+    >>> to_dict([])["schema"]
+    'schuler.published/1'
+    """
     return {
         "schema": "schuler.published/1",
         "experiments": {each.name: each.to_dict() for each in experiments},

@@ -29,6 +29,11 @@ def changeable(name: str) -> dict[str, Any]:
     """Return the conditions of an experiment that can be changed, with their values.
 
     A condition that nothing is said of (what the instrument's grade has) is None.
+
+    Examples
+    --------
+    >>> sorted(changeable("xu2017"))[:2]
+    ['plant.attitude_prior', 'plant.force']
     """
     out: dict[str, Any] = {}
 
@@ -82,6 +87,11 @@ def conditions(name: str, changes: Iterable[tuple[str, Any]] = ()) -> dict[str, 
     ------
     InputError
         For a condition that the experiment does not have, or a value of another kind.
+
+    Examples
+    --------
+    >>> conditions("niu2025", [("site.lat", 50.0)])["site"]["lat"]
+    50.0
     """
     data = _read(name)
     known = changeable(name)

@@ -9,15 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.modulation import RotationCase, Turned, end_errors, turned
 from schuler.motion import Limits, Scheme, named_scheme
-from schuler.published.result import (
-    Curve,
-    Experiment,
-    Figure,
-    Options,
-    Row,
-    conditions,
-    experiment,
-)
+from schuler.published.figures import Curve, Figure
+from schuler.published.result import Experiment, Options, Row, conditions, experiment
 from schuler.sensors import Lifetime, Reliability, named_array
 
 __all__ = ["end_distance", "run"]

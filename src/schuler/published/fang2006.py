@@ -16,10 +16,9 @@ from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.ins import ErrorStateFilter, GroupNoise, Layout, ProcessNoise, ZeroVelocity
 from schuler.motion.turntable import AXES, Dwell, Turn, Turntable
+from schuler.published.figures import Curve, Figure
 from schuler.published.result import (
-    Curve,
     Experiment,
-    Figure,
     Options,
     Row,
     conditions,

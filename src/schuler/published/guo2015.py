@@ -21,6 +21,7 @@ from schuler.constants import ARCMIN, DEG, DEG_PER_HOUR, MICRO_G
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.motion import Static
+from schuler.published.figures import Curve, Figure
 from schuler.published.guo2015_gate import gate_block, gate_rows
 from schuler.published.guo2015_instants import (
     FORMS,
@@ -32,9 +33,7 @@ from schuler.published.guo2015_instants import (
     two_instants,
 )
 from schuler.published.result import (
-    Curve,
     Experiment,
-    Figure,
     Options,
     Row,
     call,

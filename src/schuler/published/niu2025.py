@@ -15,10 +15,9 @@ from schuler.earth import Site, radii
 from schuler.errors import InputError
 from schuler.motion import Manoeuvre, Route
 from schuler.navigation import AidedNavigation, AidingOptions, Outages, Start, navigate_aided
+from schuler.published.figures import Curve, Figure
 from schuler.published.result import (
-    Curve,
     Experiment,
-    Figure,
     Options,
     Row,
     conditions,

@@ -9,16 +9,16 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler._processes import cores, each
 from schuler._result import Result, table_of_rows
 from schuler.attitude import multiply, quat_to_rotvec
 from schuler.constants import ARCMIN
 from schuler.errors import InputError
 from schuler.published.cases import changeable, conditions, instrument
+from schuler.published.figures import Figure
 
 __all__ = [
-    "Curve",
     "Experiment",
-    "Figure",
     "Options",
     "Row",
     "changeable",
@@ -65,43 +65,6 @@ class Row:
         for name in ("printed", "document_method", "best", "limit"):
             value = getattr(self, name)
             object.__setattr__(self, name, None if value is None else float(value))
-
-
-@dataclass(frozen=True, eq=False)
-class Curve:
-    """One line of a figure.
-
-    Parameters
-    ----------
-    name : str
-    x, y : (n,) float64
-        In the units that the figure's axes name.
-    """
-
-    name: str
-    x: Array
-    y: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Figure:
-    """A figure of an experiment, drawn from what was computed.
-
-    Parameters
-    ----------
-    title : str
-    x, y : str
-        What the axes show, with units.
-    curves : tuple of Curve
-    log_y : bool
-        Whether the second axis is logarithmic.
-    """
-
-    title: str
-    x: str
-    y: str
-    curves: tuple[Curve, ...]
-    log_y: bool = False
 
 
 @dataclass(frozen=True)
@@ -191,6 +154,11 @@ class Options:
     changes : tuple of (str, value)
         Conditions that are other than the document's, as ``("site.lat", 50.0)``; see
         `changeable`.
+
+    Examples
+    --------
+    >>> Options(runs=10, workers=1).runs
+    10
     """
 
     runs: int | None = None
@@ -261,33 +229,11 @@ def each_run(
         Arguments.
     options : Options
     """
-    import os
-
     todo = list(jobs)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    workers = min(options.workers or cores or 1, len(todo))
-
-    def tell(done: int) -> None:
+    for k, found in enumerate(each(function, todo, options.workers or cores()), 1):
+        yield found
         if options.progress is not None:
-            options.progress(done, len(todo))
-
-    if workers <= 1:
-        for k, job in enumerate(todo, 1):
-            yield function(*job)
-            tell(k)
-        return
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    from schuler.campaigns.worker import start
-
-    # Forked processes would inherit locks of the threads that Arrow has started.
-    context = get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=start) as pool:
-        futures = [pool.submit(function, *job) for job in todo]
-        for k, future in enumerate(futures, 1):
-            yield future.result()
-            tell(k)
+            options.progress(k, len(todo))
 
 
 def call(function: Callable[..., T], *arguments: Any) -> T:

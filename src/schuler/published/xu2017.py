@@ -25,10 +25,9 @@ from schuler.centrifuge import (
 )
 from schuler.centrifuge.coefficients import coefficient_names, coefficient_units
 from schuler.centrifuge.plant import ORDERS
+from schuler.published.figures import Curve, Figure
 from schuler.published.result import (
-    Curve,
     Experiment,
-    Figure,
     Options,
     Row,
     call,
@@ -58,10 +57,10 @@ def figures(errors: Array) -> Array:
     """
     names = coefficient_names()
     relative = 100.0 * np.abs(errors / published_truth())
-    spoken = np.abs(errors) / coefficient_units()[1]
+    customary = np.abs(errors) / coefficient_units()[1]
 
     def worst(stem: str) -> Array:
-        return np.asarray(spoken[..., [n.startswith(stem) for n in names]].max(axis=-1))
+        return np.asarray(customary[..., [n.startswith(stem) for n in names]].max(axis=-1))
 
     return np.stack(
         [

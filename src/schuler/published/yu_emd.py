@@ -20,10 +20,9 @@ from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.motion import DisturbedVehicle
 from schuler.prefilter import Emd, LowPass, Prefilter, VelocityEmd
+from schuler.published.figures import Curve, Figure
 from schuler.published.result import (
-    Curve,
     Experiment,
-    Figure,
     Options,
     Row,
     conditions,

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from schuler.record.check import check_record
-from schuler.record.hints import Reading
+from schuler.record.check import Reading, check_record
 from schuler.record.imu import ImuRecord
 from schuler.record.intake import Intake
 from schuler.record.quality import Quality

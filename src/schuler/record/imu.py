@@ -118,6 +118,13 @@ class ImuRecord(Shown):
         ------
         InputError
             For fewer than two rows, backward or repeated time, or a gap too long to bridge.
+
+        Examples
+        --------
+        >>> time = 0.1 * np.arange(300)
+        >>> accel = np.tile([0.0, 0.0, 9.81], (300, 1))
+        >>> len(sc.ImuRecord.from_rates(time, np.zeros((300, 3)), accel))
+        299
         """
         return cls._build("rates", time, gyro, accel, options)
 
@@ -129,6 +136,13 @@ class ImuRecord(Shown):
 
         Rate times interval is the increment, exactly. The first interval is taken as the
         nominal one. Parameters and errors as in `from_rates`.
+
+        Examples
+        --------
+        >>> time = 0.1 * np.arange(300)
+        >>> accel = np.tile([0.0, 0.0, 9.81], (300, 1))
+        >>> len(sc.ImuRecord.from_mean_rates(time, np.zeros((300, 3)), accel))
+        300
         """
         return cls._build("mean-rates", time, gyro, accel, options)
 
@@ -140,6 +154,13 @@ class ImuRecord(Shown):
 
         Parameters and errors as in `from_rates`; `coning_corrected` and `sculling_corrected`
         say what the instrument has already compensated.
+
+        Examples
+        --------
+        >>> time = 0.1 * np.arange(300)
+        >>> dvel = np.tile([0.0, 0.0, 0.981], (300, 1))
+        >>> len(sc.ImuRecord.from_increments(time, np.zeros((300, 3)), dvel))
+        300
         """
         return cls._build("increments", time, dtheta, dvel, options)
 
@@ -168,6 +189,11 @@ class ImuRecord(Shown):
         ------
         InputError
             If there is nothing to join.
+
+        Examples
+        --------
+        >>> len(sc.ImuRecord.concatenate([record.rows(0, 10), record.rows(10, 30)]))
+        30
         """
         if not parts:
             raise InputError("the record has no samples")
@@ -194,6 +220,11 @@ class ImuRecord(Shown):
         ------
         InputError
             For another shape.
+
+        Examples
+        --------
+        >>> record.with_values(None).values is None
+        True
         """
         if values is not None and values.shape != (len(self) + 1, 6):
             raise InputError(
@@ -321,7 +352,13 @@ class ImuRecord(Shown):
         return self.rows(a, b)
 
     def after(self, time: float) -> ImuRecord:
-        """Return the samples after a time."""
+        """Return the samples after a time.
+
+        Examples
+        --------
+        >>> len(record.after(30.0))
+        600
+        """
         return self.between(start=time)
 
     def chunks(self, size: int = 65536) -> Iterator[ImuRecord]:

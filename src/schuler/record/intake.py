@@ -53,6 +53,14 @@ class Intake:
     InputError
         From the constructor for a bad option; from `push` and `close` for bad rows, naming
         the data row (counted from 1) and its time.
+
+    Examples
+    --------
+    >>> intake = Intake("increments", rate=20.0)
+    >>> chunk = intake.push(record.time, np.hstack([record.dtheta, record.dvel]))
+    >>> rest = intake.close()
+    >>> len(chunk) + len(rest)
+    1200
     """
 
     def __init__(
@@ -147,7 +155,7 @@ class Intake:
         return Quality.from_state(self._state, self._nominal or 0.0, self.kind, spikes)
 
     def arrays(self) -> dict[str, Array]:
-        """Return all that a later intake needs to go on in this one's place."""
+        """Return all that a later intake needs to resume in this one's place."""
         times = [t for t, _, _ in self._waiting]
         rows = [v for _, v, _ in self._waiting]
         return {

@@ -123,7 +123,7 @@ def without_spikes(record: ImuRecord) -> tuple[ImuRecord, tuple[Spike, ...]]:
     """Return a record with its single bad samples replaced, and what they were.
 
     The tests are those that rows of a file undergo (`schuler.kernels.spikes`); a record that has
-    been through an `Intake`, as its `quality` tells, needs no more of them.
+    been through an `Intake`, as its `quality` says, needs no more of them.
 
     Parameters
     ----------

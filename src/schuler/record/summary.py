@@ -14,8 +14,7 @@ from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G, STANDARD_GRAVITY
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.kernels.states import StretchSums, SummaryState
-from schuler.record.check import check_record
-from schuler.record.hints import Reading
+from schuler.record.check import Reading, check_record
 from schuler.record.imu import ImuRecord
 
 __all__ = ["Stretch", "Summariser", "Summary"]
@@ -45,6 +44,11 @@ class Stretch:
 
     It is disturbed beside the record's quietest tenth, or because the unit moved all the time: it
     turned, or its force was not that of rest, by bounds that do not depend on the record.
+
+    Examples
+    --------
+    >>> Stretch(0.0, 10.0, disturbed=False).end
+    10.0
     """
 
     start: float
@@ -169,7 +173,15 @@ class Summary(Shown):
 
 
 class Summariser:
-    """Gather a `Summary` chunk by chunk; any chunking gives the same."""
+    """Gather a `Summary` chunk by chunk; any chunking gives the same.
+
+    Examples
+    --------
+    >>> summariser = Summariser()
+    >>> summariser.push(record)
+    >>> summariser.summary().samples
+    1200
+    """
 
     def __init__(self) -> None:
         from schuler.kernels import blocks
@@ -200,7 +212,7 @@ class Summariser:
         )
 
     def arrays(self) -> dict[str, Array]:
-        """Return all that a later summariser needs to go on in this one's place."""
+        """Return all that a later summariser needs to resume in this one's place."""
         # Rows after the one under way are zero.
         rows = int(self._state.rows) + 1
         return {"summary": self._state.data.copy(), "summary_table": self._table[:rows].copy()}

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schuler.errors import InputError
+from schuler.errors import InputError, installed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,12 +44,8 @@ def pandas_module() -> Any:
     InputError
         If it is not installed.
     """
-    try:
+    with installed("a table needs pandas", "pandas", InputError):
         import pandas as pd
-    except ImportError:
-        raise InputError(
-            "a table needs pandas, which is not installed: pip install 'schuler[pandas]'"
-        ) from None
     return pd
 
 
@@ -70,12 +66,8 @@ def to_pandas(record: ImuRecord) -> pd.DataFrame:
 
 def to_xarray(record: ImuRecord) -> xr.Dataset:
     """See `ImuRecord.to_xarray`."""
-    try:
+    with installed("a dataset needs xarray", "xarray", InputError):
         import xarray as xr
-    except ImportError:
-        raise InputError(
-            "a dataset needs xarray, which is not installed: pip install 'schuler[xarray]'"
-        ) from None
     variables: dict[str, Any] = {"dt": ("time", record.dt, {"units": UNITS["dt"]})}
     coordinates: dict[str, Any] = {"time": ("time", record.time, {"units": UNITS["time"]})}
     for key, array, axis in (

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.allan_variance.deviation import Allan
-from schuler.allan_variance.fit import NoiseFit
-from schuler.allan_variance.output import in_si, spoken, unit_of
+from schuler.allan_variance.noise_fit import NoiseFit
+from schuler.allan_variance.output import in_si, term_text, unit_of
 from schuler.reports.figure import scatter
 from schuler.reports.figures import BLUE, GREEN, ORANGE, figure_of, plot_layout
 from schuler.reports.page import Drawing, Page, Section, definition_table
@@ -196,7 +196,7 @@ def _table(fit: NoiseFit) -> str:
         for name in names:
             found = fit.channels[name]
             cells = "".join(
-                f"<td>{escape(spoken(found.terms[t]))}"
+                f"<td>{escape(term_text(found.terms[t]))}"
                 f"<br><small>{escape(in_si(name, place, found.terms[t]))}</small></td>"
                 for place, t in enumerate(terms)
             )
@@ -205,9 +205,7 @@ def _table(fit: NoiseFit) -> str:
                 f'<tr><th scope="row">{escape(name.replace("_", " "))}</th>{cells}'
                 f"<td>{escape(misfit)}</td></tr>"
             )
-        caption = (
-            f"{title}: ± 1 sigma, below it in SI; < where the record does not show it, with 95 %"
-        )
+        caption = f"{title}: ± 1 sigma, below it in SI; < where it is not observable, with 95 %"
         out.append(
             f"<table><caption>{escape(caption)}</caption><thead><tr><td></td>{head}"
             f'<th scope="col">misfit of the variance</th></tr></thead><tbody>{body}</tbody></table>'

@@ -34,7 +34,7 @@ def array_page(found: ArrayFigures) -> Page:
         f"{9 / n:.4g}.</p>"
     )
     told = (
-        "the parity tells which sensor is wrong" if n > 3 and isolable(array)
+        "the parity isolates the faulty sensor" if n > 3 and isolable(array)
         else "the parity sees that a sensor is wrong, not which" if n > 3
         else "there is no redundancy: a wrong sensor is not seen"
     )  # fmt: skip
@@ -116,7 +116,7 @@ def faults_page(found: FaultScan) -> Page:
         [
             (
                 f"gyro {each['gyro']}",
-                "does not show in the parity" if each["smallest_fault_deg_h"] is None
+                "not in the parity" if each["smallest_fault_deg_h"] is None
                 else f"a step of {each['smallest_fault_deg_h']:.3g} deg/h is missed in 1 of 100 "
                 f"windows, found after {each['mean_delay_s']:.3g} s on the mean",
             )

@@ -100,7 +100,7 @@ def poses_page(fit: PosesFit) -> Page:
             )
         )
     items = "".join(f"<li>{escape(text)}</li>" for text in fit.unseen)
-    sections.append(Section("What these poses do not show", html=f"<ul>{items}</ul>"))
+    sections.append(Section("Not observable from these poses", html=f"<ul>{items}</ul>"))
     head = (
         f"<h1>Calibration by poses · {escape(c.name)}</h1>"
         f'<p class="value">{1e3 * fit.rms:.2f} mm/s² <span class="pm">rms</span></p>'

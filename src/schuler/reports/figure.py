@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler.errors import SchulerError
+from schuler.errors import installed
 
 __all__ = ["Figure", "bar", "graph_objects", "heatmap", "scatter"]
 
@@ -141,10 +141,6 @@ def graph_objects() -> Any:
     SchulerError
         If Plotly is not installed.
     """
-    try:
+    with installed("reports need Plotly", "report"):
         import plotly.graph_objects
-    except ImportError:
-        raise SchulerError(
-            "reports need Plotly, which is not installed: pip install 'schuler[report]'"
-        ) from None
     return plotly.graph_objects

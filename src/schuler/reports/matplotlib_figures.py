@@ -1,7 +1,7 @@
 """Draw the figures of the reports by Matplotlib: the same description, without a browser.
 
 Covers what the reports use of Plotly: lines, points, bands, bars, error bars, heat maps,
-logarithmic and categorical axes, shapes and annotations. Matplotlib lives only here.
+logarithmic and categorical axes, shapes and annotations. Matplotlib is imported only here.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from schuler._files import replacing
-from schuler.errors import InputError, SchulerError
+from schuler.errors import InputError, installed
 from schuler.reports.figure import Figure, Trace
 
 __all__ = ["KINDS", "draw_all", "draw_one", "write_picture"]
@@ -33,12 +33,8 @@ _DASHES = {"solid": "-", "dash": "--", "dot": ":"}
 
 
 def _figure_class() -> Any:
-    try:
+    with installed("plots need Matplotlib", "plot"):
         from matplotlib.figure import Figure as Canvas
-    except ImportError:
-        raise SchulerError(
-            "plots need Matplotlib, which is not installed: pip install 'schuler[plot]'"
-        ) from None
     return Canvas
 
 

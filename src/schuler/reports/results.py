@@ -34,7 +34,7 @@ PAGES = {
     "schuler.alignment.result.Alignment": "alignment.alignment_page",
     "schuler.alignment.table_north.TableNorth": "north.north_page",
     "schuler.alignment.windows.Windows": "alignment.windows_page",
-    "schuler.allan_variance.fit.NoiseFit": "allan.noise_page",
+    "schuler.allan_variance.noise_fit.NoiseFit": "allan.noise_page",
     "schuler.allan_variance.result.Allan": "allan.allan_page",
     "schuler.calibration.doppler.BodyVelocityFit": "calibrate.doppler_page",
     "schuler.calibration.poses_result.PosesFit": "calibrate.poses_page",
@@ -193,6 +193,12 @@ def save_figures(
         If the folder cannot be written, or for another kind.
     SchulerError
         If Matplotlib is not installed.
+
+    Examples
+    --------
+    >>> paths = save_figures(noise_fit, "figures", "svg")
+    >>> paths[0].suffix
+    '.svg'
     """
     from schuler.reports.matplotlib_figures import KINDS, write_picture
 

@@ -10,7 +10,7 @@ from schuler.sensors.draw import Imperfections, draw
 from schuler.sensors.errors import GRADES, AccelerometerSpec, GyroSpec, ImuSpec, load_spec
 from schuler.sensors.fault_monitor import FaultMonitor, Verdict
 from schuler.sensors.fault_scan import FaultEvent, FaultScan, scan_faults
-from schuler.sensors.faults import Blame, Fault, blame_by_rate
+from schuler.sensors.faults import Fault, Isolation, isolate_by_rate
 from schuler.sensors.figures import ArrayFigures
 from schuler.sensors.named_arrays import ARRAYS, load_array, named_array
 from schuler.sensors.parity import ParityTest, isolable, parity_matrix
@@ -23,7 +23,6 @@ __all__ = [
     "AccelerometerSpec",
     "ArrayFigures",
     "AxesFit",
-    "Blame",
     "Fault",
     "FaultEvent",
     "FaultMonitor",
@@ -31,17 +30,18 @@ __all__ = [
     "GyroSpec",
     "Imperfections",
     "ImuSpec",
+    "Isolation",
     "Lifetime",
     "Mounting",
     "ParityTest",
     "Reliability",
     "SensorArray",
     "Verdict",
-    "blame_by_rate",
     "design_array",
     "draw",
     "fit_axes",
     "isolable",
+    "isolate_by_rate",
     "load_array",
     "load_spec",
     "named_array",

@@ -123,6 +123,11 @@ class SensorArray:
         ------
         InputError
             If the working sensors do not measure all three axes.
+
+        Examples
+        --------
+        >>> sc.sensors.named_array("symmetric4").estimator().shape
+        (3, 4)
         """
         picked = self._pick(working)
         if not self.spans(picked):
@@ -148,6 +153,12 @@ class SensorArray:
         ------
         InputError
             If the columns are not this array's, or the sensors do not measure all axes.
+
+        Examples
+        --------
+        >>> array = sc.sensors.named_array("symmetric4")
+        >>> array.fuse(array.measure(record)).dtheta.shape
+        (1200, 3)
         """
         m = record.dtheta.shape[1]
         if m != len(self):
@@ -177,7 +188,13 @@ class SensorArray:
         return np.asarray(clean @ self.estimator(working).T)
 
     def measure(self, record: ImuRecord) -> ImuRecord:
-        """Return what this array measures where three perfect gyros measure `record`."""
+        """Return what this array measures where three perfect gyros measure `record`.
+
+        Examples
+        --------
+        >>> sc.sensors.named_array("symmetric4").measure(record).dtheta.shape
+        (1200, 4)
+        """
         if record.dtheta.shape[1] != 3:
             raise InputError(f"{record.name}: expected three gyros, got {record.dtheta.shape[1]}")
         bias, scale = np.asarray(self.bias), np.asarray(self.scale)
@@ -185,7 +202,13 @@ class SensorArray:
         return replace(record, dtheta=np.ascontiguousarray(seen))
 
     def equivalent(self, errors: ArrayLike) -> Array:
-        """Return the triad's error that errors (n,) of the sensors make, (3,)."""
+        """Return the triad's error that errors (n,) of the sensors make, (3,).
+
+        Examples
+        --------
+        >>> sc.sensors.named_array("triad").equivalent([1e-8, 0.0, 0.0]).tolist()
+        [1e-08, 0.0, 0.0]
+        """
         return np.asarray(self.estimator() @ np.asarray(errors, np.float64))
 
     # -- figures -----------------------------------------------------------------------
@@ -196,7 +219,13 @@ class SensorArray:
         return np.asarray((k * self._s**2) @ k.T)
 
     def variance(self, working: Sequence[int] | None = None) -> Array:
-        """Return the variance of each fused axis, (3,)."""
+        """Return the variance of each fused axis, (3,).
+
+        Examples
+        --------
+        >>> sc.sensors.named_array("symmetric4").variance().round(3).tolist()
+        [0.75, 0.75, 0.75]
+        """
         return np.diag(self.covariance(working)).copy()
 
     def subsets(self, least: int = 3) -> Iterator[tuple[int, ...]]:
@@ -206,6 +235,11 @@ class SensorArray:
         ------
         InputError
             For more sensors than `MOST`.
+
+        Examples
+        --------
+        >>> list(sc.sensors.named_array("symmetric4").subsets(4))
+        [(0, 1, 2, 3)]
         """
         if len(self) > MOST:
             raise InputError(f"{self.name}: the subsets of more than {MOST} sensors are too many")
@@ -215,11 +249,23 @@ class SensorArray:
                     yield picked
 
     def subset_variance(self) -> dict[str, list[float]]:
-        """Return the per-axis variance of every set that measures all axes: "0,1,2" -> (3,)."""
+        """Return the per-axis variance of every set that measures all axes: "0,1,2" -> (3,).
+
+        Examples
+        --------
+        >>> len(sc.sensors.named_array("symmetric4").subset_variance())
+        5
+        """
         return {",".join(map(str, s)): self.variance(s).tolist() for s in self.subsets()}
 
     def subset_determinant(self) -> dict[str, float]:
-        """Return sqrt(det(H^T H)) of every set that measures all axes, |det H| for three."""
+        """Return sqrt(det(H^T H)) of every set that measures all axes, |det H| for three.
+
+        Examples
+        --------
+        >>> sc.sensors.named_array("triad").subset_determinant()
+        {'0,1,2': 1.0}
+        """
         return {
             ",".join(map(str, s)): float(
                 np.sqrt(np.linalg.det(self.h[list(s)].T @ self.h[list(s)]))
@@ -256,7 +302,14 @@ class SensorArray:
         }
 
     def turned(self, rotation: ArrayLike) -> SensorArray:
-        """Return the array turned by a rotation matrix (3, 3)."""
+        """Return the array turned by a rotation matrix (3, 3).
+
+        Examples
+        --------
+        >>> half = np.diag([-1.0, -1.0, 1.0])
+        >>> sc.sensors.named_array("triad").turned(half).h[2].tolist()
+        [0.0, 0.0, 1.0]
+        """
         return replace(self, matrix=self.h @ np.asarray(rotation, np.float64).T)
 
     @classmethod

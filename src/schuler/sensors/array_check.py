@@ -7,7 +7,7 @@ squared length of a mean over its variance, close to Fisher's F; it is looked at
 record, and for the worst group, so that a late fault is seen as well. What biases may be is allowed
 for.
 
-A gyro is blamed where one alone explains what is seen: without it, the others agree, or disagree
+A gyro is faulty where one alone explains what is seen: without it, the others agree, or disagree
 ten times less. Five gyros or more can do that. Of four, the parity is one number, to which each
 contributes: that one is wrong is all that can be said.
 """
@@ -37,7 +37,7 @@ _ALLOWED = 1e-3 * EARTH_RATE
 #: the median of a scatter knows as much as so much of its number of values
 _EFFICIENCY = 0.3
 _DOMINANT = 10.0
-#: cosine between two gyros' parities above which neither can be blamed
+#: cosine between two gyros' parities above which neither can be isolated
 _ALIKE = 0.999
 
 
@@ -126,16 +126,16 @@ class ArrayCheck:
         seen = self._look(groups, everyone)
         if seen is None:
             return ArrayVerdict(everyone)
-        blamed = self._blame(groups, everyone, seen)
-        if blamed is None:
+        faulty = self._isolate(groups, everyone, seen)
+        if faulty is None:
             return ArrayVerdict(everyone, (), (self._disagree(len(everyone), seen),))
-        working = tuple(i for i in everyone if i != blamed)
-        row = self.array.h[blamed] @ self.array.estimator(working)
-        off = float(np.mean(groups[:, blamed] - groups @ row)) / DEG_PER_HOUR
-        largest = float(np.max(np.abs(groups[:, blamed] - groups @ row))) / DEG_PER_HOUR
+        working = tuple(i for i in everyone if i != faulty)
+        row = self.array.h[faulty] @ self.array.estimator(working)
+        off = float(np.mean(groups[:, faulty] - groups @ row)) / DEG_PER_HOUR
+        largest = float(np.max(np.abs(groups[:, faulty] - groups @ row))) / DEG_PER_HOUR
         size = f"{off:+.3g} deg/h" if largest < 2.0 * abs(off) else f"up to {largest:.3g} deg/h"
         note = (
-            f"gyro {blamed + 1} was left out: it differs from the other {len(working)} by {size}, "
+            f"gyro {faulty + 1} was left out: it differs from the other {len(working)} by {size}, "
             f"{seen.times:.3g} times the noise of that (false alarms: {self._false_alarm:g})"
         )
         left = self._look(groups, working) if len(working) > 3 else None
@@ -180,7 +180,7 @@ class ArrayCheck:
             return _Seen(sizes[worst] ** 0.5, (sizes[worst] / variance) ** 0.5, p[worst])
         return None
 
-    def _blame(self, groups: Array, working: tuple[int, ...], seen: _Seen) -> int | None:
+    def _isolate(self, groups: Array, working: tuple[int, ...], seen: _Seen) -> int | None:
         """Return the gyro that explains what is seen, or None where none does alone."""
         v = parity_matrix(self.array, working)
         if len(v) < 2:
@@ -196,7 +196,7 @@ class ArrayCheck:
         after = {i: self._without(groups, working, i) for i in working}
         agreeing = [i for i, left in after.items() if left is None]
         if agreeing:
-            # Where the others agree without either of two, neither can be blamed.
+            # Where the others agree without either of two, neither can be isolated.
             return j if agreeing == [j] else None
         left = after[j]
         return j if left is not None and left.size * _DOMINANT < seen.size else None

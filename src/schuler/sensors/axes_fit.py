@@ -51,6 +51,15 @@ def fit_axes(truth: ArrayLike, measured: ArrayLike, dt: ArrayLike, name: str = "
     ------
     InputError
         If the motion does not turn about all three axes.
+
+    Examples
+    --------
+    >>> from schuler.sensors import named_array
+    >>> array, rng = named_array("symmetric4"), np.random.default_rng(1)
+    >>> truth = 1e-3 * rng.standard_normal((200, 3))
+    >>> fit = fit_axes(truth, truth @ array.h.T, np.full(200, 0.01))
+    >>> bool(np.allclose(fit.array.h, array.h))
+    True
     """
     t, m, h = (np.asarray(x, np.float64) for x in (truth, measured, dt))
     if t.ndim != 2 or t.shape[1] != 3 or m.ndim != 2 or len(m) != len(t) or h.shape != (len(t),):

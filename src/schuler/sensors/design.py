@@ -30,6 +30,11 @@ class Mounting:
         Lowest and highest elevation above the level plane, deg.
     apart : float
         Least angle between any two axes (as lines), deg.
+
+    Examples
+    --------
+    >>> Mounting(elevation=(0.0, 90.0), apart=20.0)
+    Mounting(elevation=(0.0, 90.0), apart=20.0)
     """
 
     elevation: tuple[float, float] = (-90.0, 90.0)
@@ -83,6 +88,12 @@ def design_array(
     ------
     InputError
         For a number of sensors or a criterion that cannot be, or limits that leave no array.
+
+    Examples
+    --------
+    >>> array = design_array(4, starts=2, rng=np.random.default_rng(1))
+    >>> round(array.figures()["total_variance"], 3)
+    2.25
     """
     from scipy.optimize import minimize
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from schuler._files import read_toml
-from schuler.errors import InputError, near
+from schuler.errors import InputError, located, near
 from schuler.units import parse, to_unit
 
 __all__ = ["GRADES", "AccelerometerSpec", "GyroSpec", "ImuSpec", "load_spec"]
@@ -75,6 +75,11 @@ class GyroSpec(_TriadSpec):
         rad/s per K.
     full_scale : float
         Largest rate that is measured, rad/s; 0 is no limit.
+
+    Examples
+    --------
+    >>> GyroSpec(bias=5e-8, angle_random_walk=1e-6).white
+    1e-06
     """
 
     angle_random_walk: float = 0.0
@@ -118,6 +123,11 @@ class AccelerometerSpec(_TriadSpec):
         m/s^2 per K.
     full_scale : float
         m/s^2; 0 is no limit.
+
+    Examples
+    --------
+    >>> AccelerometerSpec(bias=1e-4, velocity_random_walk=5e-5).white
+    5e-05
     """
 
     velocity_random_walk: float = 0.0
@@ -134,7 +144,7 @@ class AccelerometerSpec(_TriadSpec):
         return self.acceleration_random_walk
 
 
-#: key -> (dimension, unit in which people speak of it)
+#: key -> (dimension, customary unit)
 _SHARED_KEYS = {
     "gauss_markov_time": ("time", "s"),
     "scale_factor": ("ratio", "ppm"),
@@ -169,11 +179,11 @@ _ACCEL_KEYS = {
 }
 
 
-#: the unit to go on with when a number reaches a thousand
+#: the next unit, for a number that reaches a thousand
 _LARGER = {"ug": "mg", "deg/h": "deg/s", "ug/sqrt(Hz)": "mg/sqrt(Hz)", "mm/s": "m/s"}
 
 
-def _spoken(value: float, unit: str) -> str:
+def _with_unit(value: float, unit: str) -> str:
     number = to_unit(value, unit)
     if number >= 1000.0 and unit in _LARGER:
         unit = _LARGER[unit]
@@ -242,10 +252,8 @@ class ImuSpec:
             raise InputError(
                 f"instrument specification: dropout = '{data['dropout']}' must be from 0 to 50 %"
             )
-        try:
+        with located("instrument specification"):
             gyro, accelerometer = GyroSpec(**parts[0]), AccelerometerSpec(**parts[1])
-        except InputError as error:
-            raise InputError(f"instrument specification: {error}") from None
         return cls(
             gyro,
             accelerometer,
@@ -265,13 +273,17 @@ class ImuSpec:
         """
         path = Path(path)
         data = read_toml(path)
-        try:
+        with located(path):
             return cls.from_dict(data, name=path.stem)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
 
     def with_white_noise(self, factor: float) -> ImuSpec:
-        """Return the same instrument with its angle and velocity random walk times a factor."""
+        """Return the same instrument with its angle and velocity random walk times a factor.
+
+        Examples
+        --------
+        >>> round(spec.with_white_noise(2.0).gyro.white / spec.gyro.white, 6)
+        2.0
+        """
         walk = factor * self.gyro.angle_random_walk
         return replace(
             self,
@@ -283,14 +295,20 @@ class ImuSpec:
         )
 
     def describe(self) -> dict[str, dict[str, str]]:
-        """Return the spec in the units that people speak, as `from_dict` would take it."""
+        """Return the spec in customary units, as `from_dict` would take it.
+
+        Examples
+        --------
+        >>> sorted(spec.describe())
+        ['accelerometer', 'gyro']
+        """
         out: dict[str, dict[str, str]] = {}
         for section, part, keys in (
             ("gyro", self.gyro, _GYRO_KEYS),
             ("accelerometer", self.accelerometer, _ACCEL_KEYS),
         ):
             out[section] = {
-                f.name: _spoken(getattr(part, f.name), keys[f.name][1])
+                f.name: _with_unit(getattr(part, f.name), keys[f.name][1])
                 for f in fields(part)
                 if getattr(part, f.name) > 0
             }

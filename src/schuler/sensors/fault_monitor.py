@@ -17,7 +17,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a monitor did at a window's end: sensor None is "seen, not isolable"."""
+    """What a monitor did at a window's end: sensor None is "seen, not isolable".
+
+    Examples
+    --------
+    >>> Verdict(1.2, "excluded", 2, "its parity is 9.1 sigma").action
+    'excluded'
+    """
 
     time: float
     action: str
@@ -34,6 +40,17 @@ class FaultMonitor:
         Its array, noise, false-alarm rate and window are used.
     heal : int
         Windows in a row in which an excluded sensor must agree with the others.
+
+    Examples
+    --------
+    >>> from schuler.sensors import named_array
+    >>> array, rng = named_array("dodecahedron"), np.random.default_rng(1)
+    >>> monitor = FaultMonitor(ParityTest(array, sigma=1e-6, window=20))
+    >>> measured = 1e-6 * rng.standard_normal((200, 6))
+    >>> measured[100:, 2] += 1e-5
+    >>> fused = monitor.run(0.01 * np.arange(200), measured)
+    >>> monitor.out
+    [2]
     """
 
     def __init__(self, test: ParityTest, heal: int = 10) -> None:
@@ -93,8 +110,8 @@ class FaultMonitor:
             elif seen and not self._silent:
                 self._say(
                     time, "detected", None,
-                    f"{len(working)} sensors show that one is wrong, not which: blame needs five, "
-                    "or a rate known from elsewhere (an alignment, a turn of the table)",
+                    f"{len(working)} sensors show that one is wrong, not which: isolation needs "
+                    "five, or a rate known from elsewhere (an alignment, a turn of the table)",
                 )  # fmt: skip
             # A window that misses does not end a fault: only as many as heal a sensor.
             self._unseen = 0 if seen else self._unseen + 1

@@ -46,6 +46,11 @@ class FaultEvent:
     onset : float or None
         When the fault began, as the parity before the alarm has it, s.
     reason : str
+
+    Examples
+    --------
+    >>> FaultEvent(30.0, "excluded", 3, 29.5, "its parity is 9.1 sigma").delay
+    0.5
     """
 
     time: float
@@ -199,6 +204,16 @@ def scan_faults(
     ------
     InputError
         For fewer than four sensors, columns that are not the array's, or too short a record.
+
+    Examples
+    --------
+    >>> from schuler.sensors import named_array
+    >>> array, rng = named_array("dodecahedron"), np.random.default_rng(1)
+    >>> dtheta = 1e-6 * rng.standard_normal((4000, 6))
+    >>> dtheta[3000:, 2] += 1e-5
+    >>> scan = scan_faults(array, 0.01 * np.arange(4000), dtheta, 0.01, reference=20.0)
+    >>> scan.events[0].gyro
+    3
     """
     t, m = np.asarray(time, np.float64), np.asarray(dtheta, np.float64)
     if len(array) < 4:

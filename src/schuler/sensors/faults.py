@@ -1,8 +1,8 @@
-"""Faults of the sensors of an array, and which sensor is to blame by a rate that is known.
+"""Faults of the sensors of an array, and the isolation of one by a rate that is known.
 
 With four sensors the parity (`schuler.sensors.parity`) is one number: a fault is detected, but all
-sensors project on it alike and none can be blamed. Blame then needs a known rate, as an alignment
-at rest gives it.
+sensors project on it alike and none can be isolated. Isolation then needs a known rate, as an
+alignment at rest gives it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.errors import InputError
 from schuler.sensors.array import SensorArray
 
-__all__ = ["Blame", "Fault", "blame_by_rate"]
+__all__ = ["Fault", "Isolation", "isolate_by_rate"]
 
 Array = NDArray[np.float64]
 
@@ -38,6 +38,13 @@ class Fault:
         s.
     end : float
         s; the fault heals then.
+
+    Examples
+    --------
+    >>> time, dt, rng = np.arange(4.0), np.ones(4), np.random.default_rng(1)
+    >>> fault = Fault(2, "step", size=1e-5, start=1.5)
+    >>> fault.apply(time, dt, np.zeros((4, 6)), 1e-6, rng)[:, 2].tolist()
+    [0.0, 0.0, 1e-05, 1e-05]
     """
 
     sensor: int
@@ -91,7 +98,7 @@ class Fault:
 
 
 @dataclass(frozen=True, eq=False)
-class Blame:
+class Isolation:
     """Which sensor is at fault.
 
     Parameters
@@ -109,11 +116,11 @@ class Blame:
     reason: str
 
 
-def blame_by_rate(
+def isolate_by_rate(
     array: SensorArray, measured: ArrayLike, rate: ArrayLike, sigma: float,
     false_alarm: float = 1e-3,
-) -> Blame:  # fmt: skip
-    """Blame a sensor by a rate that is known from elsewhere.
+) -> Isolation:  # fmt: skip
+    """Isolate a sensor by a rate that is known from elsewhere.
 
     At rest an alignment (made before the fault, or with the other sets of sensors) tells the rate
     in the body; while rotating the table's encoder adds its part. Then each sensor is tested by
@@ -130,6 +137,15 @@ def blame_by_rate(
         Standard deviation of one increment, rad.
     false_alarm : float
         For the largest of all sensors together.
+
+    Examples
+    --------
+    >>> from schuler.sensors import named_array
+    >>> array, rng = named_array("symmetric4"), np.random.default_rng(1)
+    >>> measured = 1e-6 * rng.standard_normal((100, 4))
+    >>> measured[:, 1] += 1e-5
+    >>> isolate_by_rate(array, measured, [0.0, 0.0, 0.0], 1e-6).sensor
+    1
     """
     from scipy.special import ndtri
 
@@ -139,6 +155,7 @@ def blame_by_rate(
     j = int(np.argmax(np.abs(z)))
     limit = float(-ndtri(0.5 * false_alarm / len(array)))
     if abs(z[j]) < limit:
-        return Blame(None, None, f"no sensor differs from the known rate by {limit:.1f} sigma")
-    return Blame(j, float(left[j]), f"sensor {j} differs from the known rate by {abs(z[j]):.1f} "
-                 "sigma")  # fmt: skip
+        return Isolation(None, None, f"no sensor differs from the known rate by {limit:.1f} sigma")
+    return Isolation(
+        j, float(left[j]), f"sensor {j} differs from the known rate by {abs(z[j]):.1f} sigma"
+    )

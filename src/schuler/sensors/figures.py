@@ -31,6 +31,13 @@ class ArrayFigures(Result):
         Of this array.
     hours : sequence of float
         Times at which the reliability is told, h.
+
+    Examples
+    --------
+    >>> from schuler.sensors import Lifetime, Reliability, named_array
+    >>> array = named_array("dodecahedron")
+    >>> ArrayFigures(array, Reliability(array, Lifetime(5000.0)), hours=(1000.0,)).isolable
+    True
     """
 
     array: SensorArray
@@ -65,7 +72,7 @@ class ArrayFigures(Result):
 
     @property
     def isolable(self) -> bool:
-        """Whether the parity alone tells which sensor is wrong."""
+        """Whether the parity alone isolates the faulty sensor."""
         return len(self.array) > 3 and isolable(self.array)
 
     def columns(self) -> dict[str, Any]:

@@ -60,6 +60,11 @@ def named_array(name: str) -> SensorArray:
     ------
     InputError
         For another name.
+
+    Examples
+    --------
+    >>> named_array("symmetric4").h.shape
+    (4, 3)
     """
     if name in _FIXED:
         return SensorArray(_FIXED[name](), name)
@@ -76,6 +81,11 @@ def load_array(array: str | Path | SensorArray) -> SensorArray:
     ------
     InputError
         If it is neither.
+
+    Examples
+    --------
+    >>> load_array("cone5").name
+    'cone5'
     """
     if isinstance(array, SensorArray):
         return array

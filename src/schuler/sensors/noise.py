@@ -246,6 +246,13 @@ def corrupt(
     ------
     InputError
         If the bias has the wrong shape, or the sampling is uneven.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> drawn = corrupt(np.zeros((100, 3)), np.full(100, 0.01), spec.gyro, rng)
+    >>> drawn.increments.shape
+    (100, 3)
     """
     n, m = increments.shape
     if bias is None:

@@ -31,6 +31,13 @@ def parity_matrix(array: SensorArray, working: Sequence[int] | None = None) -> A
     ------
     InputError
         If there is no redundancy.
+
+    Examples
+    --------
+    >>> from schuler.sensors import named_array
+    >>> array = named_array("symmetric4")
+    >>> bool(np.allclose(parity_matrix(array) @ array.h, 0.0))
+    True
     """
     picked = array._pick(working)
     if len(picked) < 4 or not array.spans(picked):
@@ -48,7 +55,14 @@ def parity_matrix(array: SensorArray, working: Sequence[int] | None = None) -> A
 
 
 def isolable(array: SensorArray, working: Sequence[int] | None = None) -> bool:
-    """Say whether parity alone can blame one sensor: no two columns of V point the same way."""
+    """Say whether parity alone can isolate one sensor: no two columns of V point the same way.
+
+    Examples
+    --------
+    >>> from schuler.sensors import named_array
+    >>> isolable(named_array("symmetric4")), isolable(named_array("dodecahedron"))
+    (False, True)
+    """
     v = parity_matrix(array, working)
     picked = array._pick(working)
     size = np.linalg.norm(v[:, picked], axis=0)
@@ -73,6 +87,13 @@ class ParityTest:
     window : int
         Samples that are added before they are tested: long ones find small faults, late.
     working : sequence of int, optional
+
+    Examples
+    --------
+    >>> from schuler.sensors import named_array
+    >>> test = ParityTest(named_array("dodecahedron"), sigma=1e-6, window=10)
+    >>> test.freedom, round(test.threshold, 2)
+    (3, 16.27)
     """
 
     array: SensorArray
@@ -147,7 +168,9 @@ class ParityTest:
             raise InputError(f"a miss rate is 0 to {1 - self.false_alarm:g}, got {miss}")
         unit = self.non_centrality(sensor, 1.0)
         if unit <= 0:
-            raise InputError(f"sensor {sensor} does not show in the parity: no fault of it is seen")
+            raise InputError(
+                f"sensor {sensor} does not enter the parity: no fault of it is detected"
+            )
         found = brentq(
             lambda x: chndtr(self.threshold, self.freedom, x) - miss, 1e-9, 1e4, xtol=1e-9
         )

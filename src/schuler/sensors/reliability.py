@@ -1,7 +1,7 @@
 """Reliability of an array, exactly: which sets of sensors still work, and how long they live.
 
 An array works while its working sensors measure all three axes. With N_k such sets of k sensors,
-survival p(t) of one, and coverage c (the chance that a failure is found and shut out),
+survival p(t) of one, and coverage c (the chance that a failure is found and excluded),
 
     R(t) = sum over k of N_k p^k (c (1 - p))^(n - k).
 
@@ -33,7 +33,12 @@ class Lifetime:
     mtbf : float
         Mean life, h.
     shape : float
-        Weibull's: 1 is exponential, above 1 wears out, below 1 dies young.
+        Weibull's: 1 is exponential, above 1 wears out, below 1 fails early.
+
+    Examples
+    --------
+    >>> round(float(Lifetime(5000.0).survival(5000.0)), 3)
+    0.368
     """
 
     mtbf: float = 5000.0
@@ -68,7 +73,13 @@ class Reliability:
     array : SensorArray
     life : Lifetime
     coverage : float
-        Chance that a failure is detected, isolated and shut out, 0 to 1.
+        Chance that a failure is detected, isolated and excluded, 0 to 1.
+
+    Examples
+    --------
+    >>> from schuler.sensors import named_array
+    >>> round(float(Reliability(named_array("symmetric4"), Lifetime(5000.0)).at(1000.0)), 3)
+    0.847
     """
 
     array: SensorArray

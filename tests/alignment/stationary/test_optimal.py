@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from schuler.alignment import Auto, Position, align, parse_method, position_limit
-from schuler.alignment.stationary.dwells import find_dwells
+from schuler.alignment.stationary.optimal import find_dwells
 from schuler.attitude import euler_to_quat, multiply, quat_to_rotvec, rotvec_to_quat
 from schuler.constants import ARCMIN
 from schuler.earth import Site

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._blas import with_one_blas_thread
 from schuler.aiding import BodySpeed, BodyVelocity, GnssFixes, ZeroVelocity
 from schuler.aiding.checks import check_speed
 from schuler.alignment.history import History
@@ -53,6 +54,7 @@ _REFUSED = 0.3
 """Share of refused measurements that contradicts."""
 
 
+@with_one_blas_thread
 def align_moving(
     record: ImuRecord,
     aiding: Aid | BodyVelocity | Sequence[Aid | BodyVelocity | Beside | ZeroVelocity],

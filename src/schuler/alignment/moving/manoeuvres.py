@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._blas import with_one_blas_thread
 from schuler.alignment.moving.path_bound import PathLimit, limits_on
 from schuler.alignment.moving.planned import PlannedAid, axes_of
 from schuler.constants import DEG
@@ -207,6 +208,7 @@ def _candidates(
     return out, left_out
 
 
+@with_one_blas_thread
 def plan_drive(
     spec: ImuSpec | str | Path, aids: Sequence[PlannedAid] = (PlannedAid("gnss", 0.1, 3.0),), *,
     vehicle: str = "car", speed: float = 12.0, time: float = 20.0, before: float = 30.0,

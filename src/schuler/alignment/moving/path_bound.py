@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._blas import with_one_blas_thread
 from schuler.aiding import GnssFixes, ZeroVelocity
 from schuler.alignment.moving.fine import filtered_end
 from schuler.alignment.moving.setup import Aid, Nominal, at_rest, make_filter, measurements
@@ -43,6 +44,12 @@ def record_on(path: Trajectory) -> ImuRecord:
     ------
     InputError
         If velocity or attitude is missing, or there are fewer than three rows.
+
+    Examples
+    --------
+    >>> perfect = record_on(driven)
+    >>> bool(np.abs(perfect.dtheta - drive.dtheta).max() < 1e-4)
+    True
     """
     if len(path) < 3:
         raise InputError(f"{path.name}: a path needs three rows at least")
@@ -163,6 +170,7 @@ def limit_on(
     return limits_on(path, spec, aiding, None, record=record, vibration=vibration)[0]
 
 
+@with_one_blas_thread
 def limits_on(
     path: Trajectory, spec: ImuSpec | str | Path, aiding: Aid | Sequence[Aid | ZeroVelocity],
     times: Sequence[float] | None, *, record: ImuRecord | None = None, vibration: float = 0.0,

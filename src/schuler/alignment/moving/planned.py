@@ -13,7 +13,7 @@ import numpy as np
 from schuler._result import Result
 from schuler.aiding import BodySpeed
 from schuler.aiding.gnss import LARGEST_SIGMA
-from schuler.alignment.limit_table import limit_columns
+from schuler.alignment.limit_table import limit_columns, limit_lines
 from schuler.alignment.moving.path_bound import PathLimit, limits_on, planned_fixes
 from schuler.alignment.moving.setup import Aid
 from schuler.attitude import quat_to_matrix
@@ -51,6 +51,11 @@ class PlannedAid:
     ------
     InputError
         For a kind that there is not, nothing measured, or numbers that are not positive.
+
+    Examples
+    --------
+    >>> PlannedAid("gnss", velocity=0.05, position=1.0, rate=1.0)
+    PlannedAid(kind='gnss', velocity=0.05, position=1.0, rate=1.0)
     """
 
     kind: str
@@ -162,16 +167,8 @@ class PathTable(Result):
         lines = [
             f"limit of phi along {self.path}, and what it leaves of the biases (body x, y, z): "
             f"{self.spec.name}, {' '.join(map(str, self.aids))}",
-            f"{'time s':>10}  {'east':>9}  {'north':>9}  {'up':>9}   {'gyro deg/h':^26}   "
-            f"{'accelerometer ug':^26}",
+            *limit_lines(self.limits),
         ]
-        for each in self.limits:
-            east, north, up = each.sigma_arcmin
-            gyro = " ".join(f"{v / DEG_PER_HOUR:8.3g}" for v in each.gyro_bias)
-            accel = " ".join(f"{v / MICRO_G:8.3g}" for v in each.accel_bias)
-            lines.append(
-                f"{each.duration:10.6g}  {east:8.4g}'  {north:8.4g}'  {up:8.4g}'   {gyro}   {accel}"
-            )
         return "\n".join(lines)
 
 
@@ -201,6 +198,14 @@ def path_table(
     ------
     InputError
         As `limit_on`, and for a time that the path does not last.
+
+    Examples
+    --------
+    >>> planned = [PlannedAid("gnss", position=1.0, velocity=0.05)]
+    >>> table = path_table(driven, spec, planned, [30.0, 60.0])
+    >>> first, last = (each.sigma_arcmin[2] for each in table.limits)
+    >>> bool(last < first)
+    True
     """
     instrument = load_spec(spec)
     if instrument is None or not aids:

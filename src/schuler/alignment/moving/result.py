@@ -84,6 +84,12 @@ class MovingAlignment(Alignment):
         Times (k,), innovations and their sigma (k, 3), weights (k,) by aid.
     smoothed_heading : (3, k) float64
         Times of the measurements (s), the smoothed heading there, clockwise, and its 1-sigma (rad).
+
+    Examples
+    --------
+    >>> moving = sc.align(drive, aiding=[gnss], spec=spec)
+    >>> sorted(moving.used)
+    ['gnss', 'gnss_velocity']
     """
 
     state: FineState = field(kw_only=True, repr=False)

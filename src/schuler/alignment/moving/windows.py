@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler._blas import with_one_blas_thread
 from schuler.aiding import BodyVelocity, ZeroVelocity
 from schuler.alignment.moving.align import align_moving
 from schuler.alignment.moving.result import MovingAlignment
@@ -74,6 +75,7 @@ class MovingWindows(Windows):
         )
 
 
+@with_one_blas_thread
 def align_moving_windows(
     record: ImuRecord,
     aiding: Aid | BodyVelocity | Sequence[Aid | BodyVelocity | ZeroVelocity],

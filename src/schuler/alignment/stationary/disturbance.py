@@ -8,139 +8,39 @@ shapes, white displacement d, velocity c, force b and rate a, on top of what the
 of the noise, and the fit is carried down to the swallowed modes by the same responses that the
 instrument's errors go through.
 
-How steeply the powers rise towards the low modes is poorly known from one record, so no single
-best fit is taken: the covariance is the posterior mean over a grid of (d, c, b, a), log-uniform,
-with no steep part beyond the level at which it alone would make the lowest modes. On the real
-record of the benchmark this gives normalised errors of rms about one, window by window.
-
-With a specification the steep shapes are held tighter. A white rate is the noise of the gyros and
-nothing else, as gyros follow whatever a base turns: it is left to the specification. A white force
-would carry a standing base away: it is allowed to make a third of the lowest modes, in case that
-the accelerometers are noisier than they are said to be.
+`levels` says how strong each shape is; the covariance follows from the levels by the responses.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.alignment.history import History, gravity_direction, inertial_to_local
-from schuler.alignment.stationary.inertial import Weights, solve
-from schuler.alignment.stationary.uncertainty import BLOCKS, Responses, part_covariance
+from schuler.alignment.history import History, inertial_to_local
+from schuler.alignment.stationary.inertial import Residual, Weights
+from schuler.alignment.stationary.levels import Levels, velocity_levels
+from schuler.alignment.stationary.uncertainty import Responses, part_covariance
 from schuler.earth import Site
-from schuler.kernels.states import TrackerNode
 from schuler.sensors import ImuSpec
 
 __all__ = [
-    "Levels",
-    "Residual",
     "analytic_disturbance",
     "angle_powers",
     "disturbance_levels",
     "inertial_disturbance",
     "noise_ratio",
-    "posterior",
-    "residual",
-    "velocity_levels",
     "velocity_powers",
 ]
 
 Array = NDArray[np.float64]
 
 FIRST_MODE, LAST_MODE = 3, 24
-LOWEST = 6
-"""Mode powers (three orders, east and north) that set the scale of the grid."""
 
 _OUTLIER = 16.27
 """Chi-square of three degrees of freedom that one in a thousand exceeds."""
-
-
-@dataclass(frozen=True, eq=False)
-class _LevelPrior:
-    """Levels of a shape that are tried, over the level at which it alone makes the powers.
-
-    Parameters
-    ----------
-    tried : (n,) float64
-    lowest : bool
-        Whether it is to make the lowest modes alone, as a steep one does, or all.
-    """
-
-    tried: Array
-    lowest: bool
-
-    def levels(self, share: Array, shape: Array) -> Array:
-        """Return the levels to try for the powers of one axis, (n,)."""
-        few = LOWEST // 2 if self.lowest else len(share)
-        return np.asarray(np.mean(share[:few] / shape[:few]) * self.tried)
-
-
-_FLAT = _LevelPrior(np.logspace(-3.0, 0.4, 9), lowest=False)
-_STEEP = _LevelPrior(np.logspace(-4.0, 0.05, 9), lowest=True)
-_STEEPEST = _LevelPrior(np.logspace(-6.0, -0.15, 9), lowest=True)
-_STEEP_BESIDE_SPECIFIED = _LevelPrior(np.logspace(-4.0, -0.5, 9), lowest=True)
-
-_UNSPECIFIED = (_FLAT, _FLAT, _STEEP, _STEEPEST)
-"""Of white displacement, velocity, force and rate."""
-_SPECIFIED = (_FLAT, _FLAT, _STEEP_BESIDE_SPECIFIED)
-"""Of white displacement, velocity and force."""
-TURN_PRIORS = (_STEEP, _STEEPEST)
-"""Of a bounded turn and a wandering one (`angle_powers`)."""
-
-
-@dataclass(frozen=True, eq=False)
-class Residual:
-    """What the best attitude leaves of the velocity, in ENU.
-
-    Parameters
-    ----------
-    t : (m,) float64
-        Middle of each stretch, s since the start.
-    dt : (m,) float64
-        Length of each stretch, s.
-    mean : (m, 3) float64
-        Mean residual velocity over each stretch, m/s, without its mean over the record.
-    instants : (k, 3) float64
-        Residual velocity at every instant of the history, m/s, in i0.
-    interval : float
-        Sampling interval, s.
-    """
-
-    t: Array
-    dt: Array
-    mean: Array
-    instants: Array
-    interval: float
-
-    @property
-    def rms(self) -> Array:
-        """Root mean square of the residual velocity, east, north, up, m/s, (3,)."""
-        return np.asarray(np.sqrt(np.mean(self.mean**2, axis=0)))
-
-
-def residual(h: History, site: Site, blocks: int = BLOCKS) -> Residual:
-    """Return the residual velocity of the centred fit over a history.
-
-    Examples
-    --------
-    >>> from schuler.alignment import residual
-    >>> residual(sc.align(record, site, spec=spec).history, site).rms.shape
-    (3,)
-    """
-    g, lat = site.gravity, site.latitude
-    r = solve(h, g, lat, "centred")
-    thin, _ = h.thin(blocks)
-    mean = thin.block_means(TrackerNode.sum_v) @ r.T
-    mean -= g * gravity_direction(lat) * thin.block_means(TrackerNode.sum_gravity)
-    weight = np.diff(thin.updates)
-    offset = weight @ mean / weight.sum()
-    t = 0.5 * (thin.t[1:] + thin.t[:-1])
-    local = np.einsum("iab,ib->ia", inertial_to_local(t, lat), mean - offset)
-    instants = h.velocity @ r.T - h.theory(g, lat) - offset
-    return Residual(t, np.diff(thin.t), local, instants, h.duration / max(h.samples, 1))
 
 
 @lru_cache(maxsize=8)
@@ -236,86 +136,6 @@ def noise_ratio(res: Residual, gravity: float, spec: ImuSpec) -> float | None:
     if found is None or not np.all(found[2] > 0):
         return None
     return float(np.mean(0.5 * found[0] / found[2]))
-
-
-@dataclass(frozen=True, eq=False)
-class Levels:
-    """How strong a disturbance is.
-
-    Parameters
-    ----------
-    mean : (s,) float64
-        Posterior mean, for the uncertainty.
-    likely : (s,) float64
-        For weights: nothing where no disturbance is the likelier reading, else the mean.
-    """
-
-    mean: Array
-    likely: Array
-
-
-def posterior(
-    power: Array, shapes: Array, known: Array, priors: tuple[_LevelPrior, ...], freedom: int = 1
-) -> Levels:
-    """Return the levels of shapes whose sum with `known` makes the powers.
-
-    Half of the prior says that there is nothing but what is known; the other half is spread
-    log-uniformly over levels up to that at which a shape alone makes the powers.
-
-    Parameters
-    ----------
-    power : (k,) float64
-        Power of each mode, the sum of `freedom` independent squares.
-    shapes : (s, k) float64
-        What a unit of each level makes of one square.
-    known : (k,) float64
-        What is there anyway.
-    priors : (s,) tuple
-        What is tried of each level.
-    freedom : int
-        Degrees of freedom of a power.
-    """
-    share = power / freedom
-    axes = [prior.levels(share, shape) for prior, shape in zip(priors, shapes, strict=True)]
-    nothing = np.zeros(len(shapes))
-    if not all(np.all(axis > 0) for axis in axes):
-        return Levels(nothing, nothing)
-    grid = np.stack([a.ravel() for a in np.meshgrid(*axes)])
-
-    def fit(level: Array) -> Array:
-        return np.asarray(-0.5 * freedom * (np.log(level) + share / level).sum(axis=-1))
-
-    log = fit(grid.T @ shapes + known)
-    weight = np.exp(log - log.max())
-    mean = grid @ weight / weight.sum()
-    if not np.all(known > 0):
-        return Levels(mean, mean)
-    odds = np.exp(min(float(fit(known)) - log.max(), 700.0)) / weight.mean()
-    mean = mean / (1.0 + odds)
-    return Levels(mean, nothing if odds > 1.0 else mean)
-
-
-def velocity_levels(found: tuple[Array, Array, Array] | None, specified: bool) -> Levels:
-    """Return the levels of white displacement, velocity, force and rate of `velocity_powers`.
-
-    Parameters
-    ----------
-    found : tuple, or None
-    specified : bool
-        Whether the instrument's noise is that of a specification, in samples as they came: what
-        is interpolated over lost samples has an error of its own.
-    """
-    if found is None:
-        return Levels(np.zeros(4), np.zeros(4))
-    power, shapes, known = found
-    # East and north share a level: two degrees of freedom to a mode.
-    levels = posterior(power, shapes, known, _UNSPECIFIED, freedom=2)
-    if not specified:
-        return levels
-    # Weights that are made for too steep a disturbance cost little, for too flat a one much.
-    few = len(_SPECIFIED)
-    held = posterior(power, shapes[:few], known, _SPECIFIED, freedom=2)
-    return Levels(np.append(held.mean, np.zeros(len(shapes) - few)), levels.likely)
 
 
 def disturbance_levels(

@@ -63,6 +63,13 @@ def bias_formula(
     ------
     InputError
         For wrong shapes, or at a pole.
+
+    Examples
+    --------
+    >>> eps, nabla = [5e-8, 0.0, 0.0], [0.0, 0.0, 0.0]
+    >>> phi = bias_formula(site, [1.0, 0.0, 0.0, 0.0], eps, nabla)
+    >>> round(float(1e3 * phi[2]), 3)
+    -1.027
     """
     g, cl, sl = _checked(site)
     e, a = _in_n(quat_nb, gyro_bias, accel_bias)
@@ -85,6 +92,13 @@ def analytic_error(
     ------
     InputError
         For an unknown base, wrong shapes, or at a pole.
+
+    Examples
+    --------
+    >>> eps, nabla = [5e-8, 0.0, 0.0], [0.0, 0.0, 0.0]
+    >>> phi = analytic_error(site, [1.0, 0.0, 0.0, 0.0], eps, nabla, "earth-rate")
+    >>> round(float(1e3 * phi[2]), 3)
+    -1.027
     """
     if base not in ("gravity", "earth-rate"):
         raise InputError(f"base must be gravity or earth-rate, got '{base}'")
@@ -122,6 +136,13 @@ def inertial_error(
     ------
     InputError
         For an unknown instant, wrong shapes, or at a pole.
+
+    Examples
+    --------
+    >>> eps, nabla = [0.0, 0.0, 5e-8], [0.0, 0.0, 0.0]
+    >>> phi = inertial_error(site, [1.0, 0.0, 0.0, 0.0], eps, nabla, 300.0, at="end")
+    >>> round(float(1e6 * phi[2]), 1)
+    -7.5
     """
     sign = {"start": -1.0, "middle": 0.0, "end": 1.0}.get(at)
     if sign is None:
@@ -156,6 +177,13 @@ def inertial_frame_error(
     ------
     InputError
         For wrong shapes, or at a pole.
+
+    Examples
+    --------
+    >>> eps, nabla = [5e-8, 0.0, 0.0], [0.0, 0.0, 0.0]
+    >>> phi = inertial_frame_error(site, [1.0, 0.0, 0.0, 0.0], eps, nabla, span_sum=300.0)
+    >>> round(float(1e3 * phi[0]), 3)
+    -0.686
     """
     g, cl, sl = _checked(site)
     e, a = _in_n(quat_nb, gyro_bias, accel_bias)

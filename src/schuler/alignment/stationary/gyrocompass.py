@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from schuler.alignment.history import History, inertial_to_local
 from schuler.alignment.intervals import Intervals
 from schuler.alignment.methods import Gyrocompass
-from schuler.alignment.stationary.disturbance import disturbance_levels, residual
-from schuler.alignment.stationary.inertial import solve
+from schuler.alignment.stationary.disturbance import disturbance_levels
+from schuler.alignment.stationary.inertial import residual, solve
 from schuler.alignment.stationary.kalman import FilterHistory, KalmanResult
 from schuler.alignment.stationary.kalman_setting import vehicle_motion
 from schuler.attitude import nearest_quat, quat_to_matrix

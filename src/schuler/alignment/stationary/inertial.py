@@ -1,4 +1,4 @@
-"""The frozen-inertial-frame estimators, and how each answers to errors in the velocity integral.
+"""The frozen-inertial-frame estimators, and how each responds to errors in the velocity integral.
 
 C_b^n(t) = C_i0^n(t) C_ib0^i0 C_b^ib0(t). The first is known from latitude and elapsed time, the
 last comes from the gyros, and the middle one is constant: it turns v(t), the integral of the
@@ -18,16 +18,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.alignment.history import History, Rows, gravity_direction
+from schuler.alignment.history import History, Rows, gravity_direction, inertial_to_local
 from schuler.alignment.stationary.integral_methods import FIELD, field_gain, field_solve
 from schuler.attitude import skew
+from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.estimate.vectors import triad, triad_jacobian, wahba_svd
 from schuler.kernels.states import TrackerNode
 
-__all__ = ["MINIMUM_ROWS", "Weights", "instants", "solve", "weights"]
+__all__ = ["MINIMUM_ROWS", "Residual", "Weights", "instants", "residual", "solve", "weights"]
 
 Array = NDArray[np.float64]
+
+BLOCKS = 256
+"""Stretches into which a history is thinned for the responses."""
 
 MINIMUM_ROWS = 11
 """Instants without which the record cannot show its own disturbance: with fewer, no mode of the
@@ -98,7 +102,7 @@ def solve(h: History, gravity: float, lat: float, estimator: str) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """How phi_0 answers to velocity errors: at single instants and over stretches.
+    """How phi_0 responds to velocity errors: at single instants and over stretches.
 
     Parameters
     ----------
@@ -165,3 +169,55 @@ def weights(
     a = np.trace(s) * np.eye(3) - s
     block = np.linalg.solve(a, n[:, None, None] * skew(mean))
     return Weights(np.zeros(1, np.int64), np.zeros((1, 3, 3)), position, block), thin
+
+
+@dataclass(frozen=True, eq=False)
+class Residual:
+    """What the best attitude leaves of the velocity, in ENU.
+
+    Parameters
+    ----------
+    t : (m,) float64
+        Middle of each stretch, s since the start.
+    dt : (m,) float64
+        Length of each stretch, s.
+    mean : (m, 3) float64
+        Mean residual velocity over each stretch, m/s, without its mean over the record.
+    instants : (k, 3) float64
+        Residual velocity at every instant of the history, m/s, in i0.
+    interval : float
+        Sampling interval, s.
+    """
+
+    t: Array
+    dt: Array
+    mean: Array
+    instants: Array
+    interval: float
+
+    @property
+    def rms(self) -> Array:
+        """Root mean square of the residual velocity, east, north, up, m/s, (3,)."""
+        return np.asarray(np.sqrt(np.mean(self.mean**2, axis=0)))
+
+
+def residual(h: History, site: Site, blocks: int = BLOCKS) -> Residual:
+    """Return the residual velocity of the centred fit over a history.
+
+    Examples
+    --------
+    >>> from schuler.alignment import residual
+    >>> residual(sc.align(record, site, spec=spec).history, site).rms.shape
+    (3,)
+    """
+    g, lat = site.gravity, site.latitude
+    r = solve(h, g, lat, "centred")
+    thin, _ = h.thin(blocks)
+    mean = thin.block_means(TrackerNode.sum_v) @ r.T
+    mean -= g * gravity_direction(lat) * thin.block_means(TrackerNode.sum_gravity)
+    weight = np.diff(thin.updates)
+    offset = weight @ mean / weight.sum()
+    t = 0.5 * (thin.t[1:] + thin.t[:-1])
+    local = np.einsum("iab,ib->ia", inertial_to_local(t, lat), mean - offset)
+    instants = h.velocity @ r.T - h.theory(g, lat) - offset
+    return Residual(t, np.diff(thin.t), local, instants, h.duration / max(h.samples, 1))

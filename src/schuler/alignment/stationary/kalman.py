@@ -61,6 +61,12 @@ class FilterHistory:
         rad/s and m/s^2.
     innovation : (k,) float64
         Mean squared normalised innovation: 1 for a filter that knows its noise.
+
+    Examples
+    --------
+    >>> kept = sc.align(record, site, "kalman", spec).filter_history
+    >>> bool(kept.sigma[-1, 2] < kept.sigma[0, 2])
+    True
     """
 
     t: Array

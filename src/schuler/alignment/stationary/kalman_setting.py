@@ -46,7 +46,7 @@ _TINY = 1e-9
 """Least variance of a measured velocity or force, and sigma of a displacement or rotation."""
 
 _TILT, _VELOCITY = 1.0 * DEG, 1.0
-"""Prior of the start, 1 sigma: so wide that it tells nothing."""
+"""Prior of the start, 1 sigma: so wide that it adds no information."""
 
 _WIDER = 20.0
 """Sigma of the start over that of the optimal estimate: the record counts twice by 1/400."""

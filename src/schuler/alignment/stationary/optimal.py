@@ -1,4 +1,4 @@
-"""The optimal linear estimate of attitude and biases: all that the record tells, weighted.
+"""The optimal linear estimate of attitude and biases: all the information in the record, weighted.
 
 Two series see the same small attitude error phi_0 (in i0): the velocity that the force makes in
 the frame that the gyros hold, which gravity's turn bends, and the attitude of the base itself as
@@ -28,20 +28,19 @@ from numpy.typing import NDArray
 from schuler.alignment.bound import Position
 from schuler.alignment.history import History, gravity_direction, inertial_to_local
 from schuler.alignment.stationary.disturbance import (
-    Levels,
-    velocity_levels,
     velocity_powers,
 )
-from schuler.alignment.stationary.dwells import find_dwells
-from schuler.alignment.stationary.gains import bias_priors, gains, weigh
+from schuler.alignment.stationary.gains import NormalEquations, bias_priors, gains, weigh
 from schuler.alignment.stationary.inertial import Weights, solve
-from schuler.alignment.stationary.normal_equations import NormalEquations
+from schuler.alignment.stationary.levels import Levels, velocity_levels
 from schuler.alignment.stationary.series import Series, make_series, turns_from_middle, with_tests
 from schuler.alignment.stationary.uncertainty import mean_attitude
 from schuler.attitude import (
+    multiply,
     nearest_quat,
     quat_to_euler,
     quat_to_matrix,
+    quat_to_rotvec,
     rotvec_to_quat,
 )
 from schuler.constants import DEG
@@ -49,7 +48,7 @@ from schuler.earth import Site
 from schuler.kernels.states import TrackerNode
 from schuler.sensors import ImuSpec
 
-__all__ = ["Linearisation", "OptimalAlignment", "joint"]
+__all__ = ["Linearisation", "OptimalAlignment", "find_dwells", "joint"]
 
 Array = NDArray[np.float64]
 
@@ -59,7 +58,7 @@ BLOCKS = 128
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """How phi at one instant, in i0, answers to errors of the two series.
+    """How phi at one instant, in i0, responds to errors of the two series.
 
     Parameters
     ----------
@@ -125,10 +124,10 @@ class OptimalAlignment:
     covariance : (9, 9) float64
         Of phi_0 (in i0) and the biases.
     start, end : Answer
-        How phi at the start and at the end, both in i0, answers to the series.
+        How phi at the start and at the end, both in i0, responds to the series.
     end_turn : (3,) float64
-        Turn in i0 by which the gyros' biases and noise, as far as they are estimated, have carried
-        the tracked attitude at the end.
+        Turn in i0 by which the gyros' biases and noise, as far as they are estimated, move the
+        tracked attitude at the end.
     levels : Levels
         Of the motion in the velocity (`disturbance_levels`).
     history : History
@@ -259,13 +258,13 @@ def _joint(
     turns = turns_from_middle(q, r, local, dwells)
     series = make_series(h, site, spec, levels, local, attitude, turns, dwells)
     series = with_tests(series, h, site, local, dwells)
-    carried = np.einsum("iab,i->ab", attitude, dt)
+    propagated = np.einsum("iab,i->ab", attitude, dt)
     weighed = weigh(series)
     normal = weighed.normal(turns, e)
     # Of a latitude that is not known, a turn of the base cannot be told apart.
     base_rate, at_rest = (0.0, 1.0) if free_latitude else normal.base_rate(*bias_priors(spec))
     gain_a, gain_v, end_a, end_v, covariance, by_prior, by_base = gains(
-        series, weighed, spec, base_rate, carried, local[m // 2], free_latitude
+        series, weighed, spec, base_rate, propagated, local[m // 2], free_latitude
     )
     # The prior of what is left of the bias is about the negative of what was taken off.
     shift, end_shift = np.split(by_prior @ -removed, [len(by_prior) - 3])
@@ -304,3 +303,66 @@ def _share(series: Series, gain_a: Array, gain_v: Array, up: Array) -> float:
     angle = np.einsum("a,iab,bi->", up, gain_a[:, :3], signal[:3])
     velocity = np.einsum("a,iab,bi->", up, gain_v[:, :3], signal[3:])
     return float(angle / (angle + velocity))
+
+
+TURN = 0.03
+"""Change of attitude from one stretch to the next (rad) that is a turn and no sway."""
+
+SHORTEST = 4
+"""Stretches without a turn that make a dwell."""
+
+SWAY = 0.15
+"""Attitude from the mean of several dwells (rad) within which the changes may be a sway."""
+
+FEW = 3
+"""Changes of attitude that may be turns on purpose though they are small; more are a sway."""
+
+
+def find_dwells(q: Array, steady: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
+    """Return the stretches [begin, end) between turns; none where the unit never rests.
+
+    Parameters
+    ----------
+    q : (m, 4) float64
+        Mean attitude over each stretch, as unit quaternions.
+    steady : (m,) bool
+        Whether the mean is one of like attitudes; a stretch within which the unit turns far is
+        part of a turn.
+    """
+    back = q[:-1] * [1.0, -1.0, -1.0, -1.0]
+    change = np.linalg.norm(quat_to_rotvec(multiply(back, q[1:])), axis=1)
+    turned = np.asarray(change > TURN)
+    moving = np.logical_not(steady)
+    moving[:-1] |= turned
+    moving[1:] |= turned
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], moving, [True]]).astype(np.int8)))
+    pairs = zip(edges[::2], edges[1::2], strict=True)
+    found = [(int(i), int(j)) for i, j in pairs if j - i >= SHORTEST]
+    if np.count_nonzero(np.diff(moving.astype(np.int8)) > 0) > FEW:
+        found = _without_sway(q, found)
+    return tuple(found)
+
+
+def _without_sway(q: Array, dwells: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Return the dwells, of which those that a mere sway parts are one."""
+    if _near(q):
+        return [(0, len(q))]
+    out = dwells[:1]
+    for begin, end in dwells[1:]:
+        first = out[-1][0]
+        if _near(q[first:end]):
+            out[-1] = (first, end)
+        else:
+            out.append((begin, end))
+    return out
+
+
+def _near(q: Array) -> bool:
+    """Say whether all attitudes (m, 4) are near their mean."""
+    signs = np.where(q @ q[0] < 0.0, -1.0, 1.0)[:, None]
+    mean = (q * signs).sum(axis=0)
+    size = np.linalg.norm(mean)
+    if size < 0.9 * len(q):
+        return False
+    back = np.broadcast_to(mean / size * [1.0, -1.0, -1.0, -1.0], q.shape)
+    return bool(np.linalg.norm(quat_to_rotvec(multiply(back, q)), axis=1).max() < SWAY)

@@ -1,7 +1,7 @@
 """The two series of the optimal estimate: how they answer to the unknowns, and their noise.
 
 Means over stretches of the velocity that the force makes in the held frame, and of the tracked
-attitude; both linear in the unknowns of `schuler.alignment.stationary.normal_equations`.
+attitude; both linear in the unknowns of `schuler.alignment.stationary.gains`.
 """
 
 from __future__ import annotations
@@ -13,12 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.history import History, Rows, gravity_direction
-from schuler.alignment.stationary.disturbance import (
-    TURN_PRIORS,
-    Levels,
-    angle_powers,
-    posterior,
-)
+from schuler.alignment.stationary.disturbance import angle_powers
+from schuler.alignment.stationary.levels import TURN_PRIORS, Levels, posterior
 from schuler.alignment.stationary.uncertainty import part_covariance
 from schuler.attitude import multiply, nearest_quat, quat_to_rotvec, skew
 from schuler.constants import DEG, MICRO_G
@@ -94,7 +90,7 @@ def _of_white_noise(
 ) -> tuple[Array, Array]:
     """Return what white noise of unit density makes of the responses of `_responses`.
 
-    Of two stretches, the later one answers to what the earlier one sees in full (once summed), or
+    Of two stretches, the later one responds to what the earlier one sees in full (once summed), or
     by the time since then (twice summed), so that sums over the earlier one's parts are enough.
 
     Returns
@@ -110,14 +106,14 @@ def _of_white_noise(
     twice, moment_of_twice = doubly.sum(axis=1), doubly @ middle
     # Rows are the earlier stretch, columns the later one; both alike on the diagonal.
     wander = _both_ways(np.repeat(once[:, None], m, axis=1), np.sum(weighted * walk, axis=1))
-    bend = _both_ways(
+    tilt_effect = _both_ways(
         at * twice[:, None] - moment_of_twice[:, None], np.sum(doubly * double, axis=1)
     )
     later = at * once[:, None] - moment[:, None]
     mixed = np.triu(later, 1) + np.tril(np.repeat(twice[None, :], m, axis=0), -1)
     mixed[np.diag_indices(m)] = np.sum(weighted * double, axis=1)
     unit = np.empty((2 * m + 1, 2 * m + 1))
-    unit[:m, :m], unit[m:-1, m:-1] = wander, g * g * bend
+    unit[:m, :m], unit[m:-1, m:-1] = wander, g * g * tilt_effect
     unit[:m, m:-1], unit[m:-1, :m] = g * mixed, g * mixed.T
     unit[-1, :m] = unit[:m, -1] = once
     unit[-1, m:-1] = unit[m:-1, -1] = g * twice
@@ -174,7 +170,7 @@ def make_series(
     # Means over a stretch are those at the ends of its updates, as the sums are.
     once = np.tril(np.ones((m, m)), -1) + np.diag(h.mean_shares())
     walk, double, short = _responses(dt)
-    # The last row is the attitude at the end, which answers to all increments in full.
+    # The last row is the attitude at the end, which responds to all increments in full.
     stacked = np.vstack([walk, g * double, np.ones((1, walk.shape[1]))])
     wander, unit = _of_white_noise(walk, double, short, dt, g)
 
@@ -201,9 +197,9 @@ def make_series(
         for k, (white, walking) in enumerate((level.likely, level.mean)):
             sway[k, axis] = np.diag(white / dt) + walking * wander
 
-    theta = _carried(once, attitude * dt[:, None, None])
+    theta = _propagated(once, attitude * dt[:, None, None])
     # A turned frame takes the force with it: theta x f.
-    bend = _carried(once, -skew(np.diff(h.theory(g, lat), axis=0)) @ theta)
+    tilt_effect = _propagated(once, -skew(np.diff(h.theory(g, lat), axis=0)) @ theta)
     theory = g * gravity_direction(lat) * h.block_means(TrackerNode.sum_gravity)
     design = np.zeros((5, m, _COLUMNS + 3 * len(dwells)))
     level_axes = local[:, :2]
@@ -213,7 +209,7 @@ def make_series(
         for axis in range(3):
             design[axis, begin:end, _COLUMNS + 3 * k + axis] = 1.0
     design[3:, :, :3] = (level_axes @ skew(theory)).transpose(1, 0, 2)
-    design[3:, :, 3:6] = (level_axes @ bend).transpose(1, 0, 2)
+    design[3:, :, 3:6] = (level_axes @ tilt_effect).transpose(1, 0, 2)
     design[3:, :, 6:9] = (level_axes @ theta).transpose(1, 0, 2)
     design[3:, :, 9:11] = (level_axes @ local[m // 2].T[:, :2]).transpose(1, 0, 2)
     none = np.zeros(0, np.int64)
@@ -258,7 +254,7 @@ def _once_summed(m: int) -> Array:
     return np.asarray(mean)
 
 
-def _carried(once: Array, steps: Array) -> Array:
+def _propagated(once: Array, steps: Array) -> Array:
     """Return the mean over each stretch of the running sum of steps (m, 3, 3)."""
     return np.asarray((once @ steps.reshape(len(steps), 9)).reshape(steps.shape))
 

@@ -1,7 +1,7 @@
-"""Covariance of the attitude by source, from how it answers to every error of the instrument.
+"""Covariance of the attitude by source, from how it responds to every error of the instrument.
 
 `Responses` holds, for each stretch of the history, how phi (east, north, up) at the wanted
-instant answers to a unit of angle or of velocity that was added to the increments in it, given
+instant responds to a unit of angle or of velocity that was added to the increments in it, given
 in i0. Every noise type of the specification is then a sum over stretches:
 
 - bias: (sum of V C dt) squared;
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.history import History, inertial_to_local
-from schuler.alignment.stationary.inertial import Weights, weights
+from schuler.alignment.stationary.inertial import BLOCKS, Weights, weights
 from schuler.attitude import quat_to_matrix, skew
 from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
 from schuler.sensors.theory import flicker_correlation, gauss_markov_correlation
@@ -38,13 +38,10 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-BLOCKS = 256
-"""Stretches into which a history is thinned for the responses."""
-
 
 @dataclass(frozen=True, eq=False)
 class Responses:
-    """How phi in n answers to errors of the increments.
+    """How phi in n responds to errors of the increments.
 
     Parameters
     ----------

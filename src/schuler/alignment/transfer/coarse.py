@@ -57,8 +57,10 @@ def coarse_mounting(record: ImuRecord, master: Trajectory, delay: float, known: 
         at = np.column_stack([np.interp(due[rows], edges, c) for c in total.T])
         return np.asarray(np.diff(at, axis=0) / span)
 
-    pull, turn = mean(record.dvel), mean(record.dtheta)
+    measured_force, turn = mean(record.dvel), mean(record.dtheta)
     gravity = STANDARD_GRAVITY**2
-    pairs = force.T @ pull / gravity + rate.T @ turn / _RATE**2 + _NEAR * len(span) * before
+    pairs = (
+        force.T @ measured_force / gravity + rate.T @ turn / _RATE**2 + _NEAR * len(span) * before
+    )
     u, _, vt = np.linalg.svd(pairs)
     return nearest_quat(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)

@@ -93,6 +93,13 @@ def free_run(
     ------
     InputError
         If record or master end before, or the result is that of the start of its span.
+
+    Examples
+    --------
+    >>> found = sc.transfer(drive, driven, spec=spec, span=(0.0, 40.0))
+    >>> free = free_run(found, drive, driven, seconds=10.0)
+    >>> bool(np.abs(free.position[-1]).max() < 1.0)
+    True
     """
     if fix.at != "end":
         raise InputError("a slave is let go at the end of its alignment: say at='end'")

@@ -50,6 +50,11 @@ class MasterNoise:
     ------
     InputError
         If one of them is not a positive number.
+
+    Examples
+    --------
+    >>> MasterNoise(attitude=1e-4, velocity=0.05)
+    MasterNoise(attitude=0.0001, velocity=0.05, position=0.5)
     """
 
     attitude: float = 2e-4

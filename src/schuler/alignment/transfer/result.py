@@ -32,6 +32,11 @@ class ByMaster(Method):
         What was matched, as ``velocity+attitude``.
     vibration : float
         Velocity random walk beside the specification's, m/s/sqrt(s).
+
+    Examples
+    --------
+    >>> ByMaster("velocity+attitude", vibration=0.01)
+    ByMaster(prefilter=None, match='velocity+attitude', vibration=0.01)
     """
 
     match: str = "velocity+attitude"

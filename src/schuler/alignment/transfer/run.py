@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler._blas import with_one_blas_thread
 from schuler.aiding import no_overlap
 from schuler.alignment.history import History
 from schuler.alignment.moving.fine import FineState
@@ -67,6 +68,7 @@ _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
 
+@with_one_blas_thread
 def transfer(
     record: ImuRecord,
     master: Trajectory,

@@ -82,6 +82,11 @@ class Flexure:
     ------
     InputError
         If one of both is not a positive number.
+
+    Examples
+    --------
+    >>> Flexure(sigma=1e-3, time=0.3)
+    Flexure(sigma=0.001, time=0.3, states=True)
     """
 
     sigma: float
