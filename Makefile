@@ -64,10 +64,12 @@ validate: $(VENV)/.with-dev
 	$(BIN)/python -m tests.prefilter.lowpass_table
 	$(BIN)/python -m tests.prefilter.velocity_table
 	$(BIN)/python -m tests.prefilter.blocks_table
+	$(BIN)/python -m tests.published.conditions_check
 	$(BIN)/python -m tests.navigation.aided_table
 	$(BIN)/python -m tests.aiding.rest_table
 	$(BIN)/python -m tests.alignment.moving.figures_table
 	$(BIN)/python -m tests.alignment.moving.methods_table
+	$(BIN)/python -m tests.alignment.moving.invariant_table
 	$(BIN)/python -m tests.alignment.transfer.figures_table
 	SCHULER_LONG=1 $(BIN)/python -m pytest -n 2 --dist worksteal tests/campaigns tests/centrifuge \
 	  tests/aiding tests/alignment/stationary tests/fuzz/test_fuzz_interrupts.py $(PYTEST_ARGS)

@@ -10,6 +10,7 @@ import jsonschema
 import numpy as np
 import pytest
 
+from schuler.attitude import psi_to_heading, quat_to_euler
 from schuler.constants import ARCMIN, DEG
 from schuler.io import write
 from tests.alignment.moving.routes import body_speed, fixes, heading_error, noisy
@@ -39,6 +40,14 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         header="time [s],lat [deg],lon [deg],height [m]",
         comments="",
     )
+    rows = np.searchsorted(made.truth.time, gnss.time[1:] - 1e-6)
+    heading = np.rad2deg(psi_to_heading(quat_to_euler(made.truth.quat_nb[rows])[:, 0]))
+    columns = [gnss.time[1:], heading + 0.2 * rng.standard_normal(len(rows))]
+    np.savetxt(folder / "hdg.csv", np.column_stack(columns), "%.8g", ",",
+               header="time [s],heading [deg]", comments="")  # fmt: skip
+    columns = [gnss.time[1:], made.truth.height[rows] + 2.0]
+    np.savetxt(folder / "baro.csv", np.column_stack(columns), "%.8g", ",",
+               header="time [s],height [m]", comments="")  # fmt: skip
     value = np.asarray(speed.value)
     np.savetxt(folder / "dvl.csv", np.column_stack([speed.time, value]), "%.8g", ",",
                header="time,vx,vy,vz", comments="")  # fmt: skip
@@ -46,7 +55,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
                header="time,speed", comments="")  # fmt: skip
     return {name: folder / file for name, file in (
         ("I", "imu.parquet"), ("G", "gnss.csv"), ("P", "place.csv"), ("D", "dvl.csv"),
-        ("O", "can.csv"))}  # fmt: skip
+        ("O", "can.csv"), ("H", "hdg.csv"), ("B", "baro.csv"))}  # fmt: skip
 
 
 def arguments(files: dict[str, Path], *words: object) -> list[object]:
@@ -59,6 +68,19 @@ def arguments(files: dict[str, Path], *words: object) -> list[object]:
         (("--gnss", "G"), "velocity"),
         (("--gnss", "P", "--estimate", "delay,lever"), "position"),
         (("--gnss", "G", "--odometer", "O", "--estimate", "scale,mount"), "velocity"),
+        (
+            (
+                "--gnss",
+                "G",
+                "--heading-file",
+                "H",
+                "--height-file",
+                "B",
+                "--height-offset",
+                "5,3600",
+            ),
+            "velocity",
+        ),
         (("--dvl", "D", *PLACE), "body velocity"),
         (("--odometer", "O", *PLACE, "--at", "start"), "body velocity"),
     ],
@@ -138,3 +160,14 @@ def test_wrong_options(run: Run, files: dict[str, Path], more: tuple[str, ...], 
     assert ran.code == 2
     assert words in ran.err
     assert "Traceback" not in ran.err
+
+
+def test_options_of_headings_need_their_files(run: Run, files: dict[str, Path]) -> None:
+    for words, said in (
+        (("--gnss", "G", "--baseline", "1,0,0"), "--baseline goes with --heading-file"),
+        (("--gnss", "G", "--height-offset", "1,1"), "--height-offset goes with --height-file"),
+        (("--heading-file", "H"), "is for an alignment in motion"),
+    ):
+        ran = run(*arguments(files, "align", "I", *words, "--spec", "navigation-fog"))
+        assert (ran.code, ran.err.count("\n")) == (2, 1)
+        assert said in ran.err

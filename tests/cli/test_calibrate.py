@@ -370,8 +370,18 @@ def test_table_tests_end_in_one_calibration_file(cli, tmp_path):
     schema("calibrate-table").validate(data)
     assert data["found"] == ["accel_bias", "accel_matrix", "gyro_bias"]
     assert "Stretches" in (tmp_path / "t.html").read_text(encoding="utf-8")
+    assert data["recognised"] is None
+    code, text, out = cli(*seven, *place, "--base", tmp_path / "both.toml", "--report",
+                          tmp_path / "r.html", "--json", "-")  # fmt: skip
+    assert code == 0, text
+    own = json.loads(out)
+    schema("calibrate-table").validate(own)
+    assert own["recognised"].startswith("6 positions, some of them again (7 dwells); turns recogn")
+    assert own["found"] == data["found"]
+    assert "some of them again" in (tmp_path / "r.html").read_text(encoding="utf-8")
     for words, said in (
-        ((*seven, *place), "say --positions"), ((*seven, "--positions", 18, *place), "found 7"),
+        ((*seven, "--positions", 6, "--sequence", tmp_path / "seven.toml", *place), "not both"),
+        ((*seven, "--positions", 18, *place), "found 7"),
         ((*seven, "--positions", 6), "say --lat"),
         (("calibrate", "rate", dwells[0], "--sequence", tmp_path / "rates.toml"), "say --lat"),
         (("calibrate", "rate", dwells[0], "--sequence", tmp_path / "rates.toml", "--lat", 48),

@@ -26,11 +26,15 @@ def test_run_writes_table_json_and_page(run, tmp_path):
     schema("published").validate(found)
     text = page.read_text(encoding="utf-8")
     assert "du2016" in text
-    # A drawing of the headings, and one for each unit that has figures.
-    assert text.count("<figure ") == 1 + len({
-        row["unit"] for row in found["experiments"]["du2016"]["rows"]
-        if any(row[key] is not None for key in ("printed", "document_method", "best", "limit"))
-    })  # fmt: skip
+    # A drawing of the headings, and for each unit one of positive figures, one of others.
+    keys = ("printed", "document_method", "best", "limit")
+    kinds = set()
+    for row in found["experiments"]["du2016"]["rows"]:
+        values = [row[key] for key in keys if row[key] is not None]
+        if values:
+            kinds.add((row["unit"], min(values) > 0.0))
+    assert len(kinds) == 6
+    assert text.count("<figure ") == 1 + len(kinds)
     assert "psi, counter-clockwise from north, deg" in text
 
 

@@ -47,3 +47,35 @@ def test_threads_do_not_take_each_other_s_folder(tmp_path):
     )  # fmt: skip
     assert done.stdout.split() == ["{'Slow'}", "6"], done.stderr
     assert not list(work.iterdir())
+
+
+LINKER = """
+import threading, time
+from schuler.kernels import _machine_code
+import llvmlite.binding as llvm
+
+made = []
+create = llvm.create_mcjit_compiler
+
+def slow(*arguments):
+    engine = create(*arguments)
+    made.append(engine)
+    time.sleep(0.05)
+    return engine
+
+llvm.create_mcjit_compiler = slow
+found = []
+threads = [threading.Thread(target=lambda: found.append(_machine_code._linker())) for _ in range(6)]
+[t.start() for t in threads]
+[t.join() for t in threads]
+print(len(made), len({id(each) for each in found}))
+"""
+
+
+def test_threads_share_one_linker(tmp_path):
+    """A linker that another replaced would free the machine code that a thread is in."""
+    done = subprocess.run(
+        [sys.executable, "-c", LINKER], cwd=tmp_path, capture_output=True, text=True, timeout=120,
+        env={**os.environ, "SCHULER_CACHE_DIR": str(tmp_path / "cache"), "NUMBA_DISABLE_JIT": "0"},
+    )  # fmt: skip
+    assert done.stdout.split() == ["1", "1"], done.stderr

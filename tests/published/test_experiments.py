@@ -69,11 +69,11 @@ def test_two_instants_are_the_estimator_of_the_aligner():
     pair = [(149.95, 299.95)]
     found = guo2015.two_instants(made.record, SITE, pair)
     fix = align(made.record, SITE, Inertial("instants-triad"), at="start")
-    own = guo2015._phi(start.T @ quat_to_matrix(fix.quat_nb), true)
+    own = guo2015.phi_of(start.T @ quat_to_matrix(fix.quat_nb), true)
     # The aligner fits the second vector exactly where TRIAD here fits the first: what the drift
     # gathers between them, 0.02 deg/h in 150 s, is 0.05 arcmin.
     for form in guo2015.FORMS:
-        np.testing.assert_allclose(guo2015._phi(found[form], true)[0], own, atol=0.05)
+        np.testing.assert_allclose(guo2015.phi_of(found[form], true)[0], own, atol=0.05)
 
 
 def test_sway_drops_out():
@@ -88,8 +88,8 @@ def test_sway_drops_out():
     still = simulate(Static(10.0, 1.0, -2.0), SITE, 100.0, 100.0)
     rest = start.T @ quat_to_matrix(still.truth.quat_nb[0])
     pair = [(20.0, 80.0)]
-    swaying = guo2015._phi(guo2015.two_instants(made.record, SITE, pair)["TRIAD"], true)
-    resting = guo2015._phi(guo2015.two_instants(still.record, SITE, pair)["TRIAD"], rest)
+    swaying = guo2015.phi_of(guo2015.two_instants(made.record, SITE, pair)["TRIAD"], true)
+    resting = guo2015.phi_of(guo2015.two_instants(still.record, SITE, pair)["TRIAD"], rest)
     # The means over 10 ms of a swaying force leave some arcsec of tilt, and 60 s make a hundred
     # times that of heading.
     np.testing.assert_allclose(resting, 0.0, atol=0.01)
@@ -222,6 +222,16 @@ def test_conditions_can_be_changed(name):
         ("yu_emd", {"gyro.bias": "0.1 m"}, "gyro.bias"),
         ("yu_emd", {"simulation.duration": 200.0}, "must be simulation.duration"),
         ("guo2015", {"site.euler_deg": [1.0]}, "three angles"),
+        ("guo2015", {"best_runs": 1}, "best_runs must be from 2"),
+        ("guo2015", {"simulation.short": 2000.0}, "no longer than"),
+        ("du2016", {"headings.all_psi_step": 0.0}, "must be from 0.5 to 180, got 0.0"),
+        ("du2016", {"headings.places": [[1.0]]}, "must be like"),
+        ("du2016", {"one_way.latitudes": [10.0, 91.0]}, "must be from -90 to 90"),
+        ("fang2006", {"filter.step": 0.0}, "filter.step must be from"),
+        ("niu2025", {"drive.turns": [90.0]}, "one value for each leg"),
+        ("xu2017", {"simulation.dwell": 3.0}, "whole number of turns"),
+        ("xu2017", {"plant.noise": -1.0}, "noise must be positive"),
+        ("niu2025", {"site.lon": 10.0}, "no condition 'site.lon'"),
         ("fang2006", {"simulation.dwell": 2.0}, "ten times filter.step"),
         ("niu2025", {"simulation.duration": 100.0}, "longer than outages.settle"),
     ],

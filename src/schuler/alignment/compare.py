@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schuler._blas import with_one_blas_thread
 from schuler._processes import each
@@ -30,6 +31,8 @@ from schuler.sensors import ImuSpec, load_spec
 
 __all__ = ["DEFAULT_PAIRS", "Comparison", "Row", "compare", "settle_time"]
 
+Array = NDArray[np.float64]
+
 #: methods without a prefilter, then the prefilters before the document's estimator and the default
 DEFAULT_PAIRS: tuple[tuple[str, str], ...] = (
     *((name, "none") for name in METHODS),
@@ -38,7 +41,7 @@ DEFAULT_PAIRS: tuple[tuple[str, str], ...] = (
 )
 
 SETTLED = 3.0
-"""Sigmas of the end within which a settled heading stays."""
+"""A settled heading stays within so many of the least sigma, if no band is given."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,7 @@ class Row:
     method, prefilter : str
     heading_deg, sigma_arcmin : float or None
     settle_s : float or None
-        First time after which the heading stays within three sigmas of the end.
+        As `settle_time`, with the comparison's band; None if it never settles.
     std_heading_arcmin : float or None
         Over non-overlapping windows.
     seconds : float
@@ -98,6 +101,10 @@ class Comparison(Result):
         What the record shows and cannot be, as the first alignment says it.
     read_as, assumed : str or None, tuple of str
         How the file was read, where it was one.
+    within_arcmin : float or None
+        The band of all settling times: as asked for, or three times the least sigma of the rows.
+    heading_deg : float or None
+        The true heading, where it was given: times are then until the heading stays about it.
     """
 
     name: str
@@ -108,11 +115,24 @@ class Comparison(Result):
     contradictions: tuple[str, ...] = ()
     read_as: str | None = None
     assumed: tuple[str, ...] = ()
+    within_arcmin: float | None = None
+    heading_deg: float | None = None
 
     @property
     def consistent(self) -> bool:
         """Whether nothing contradicts the record."""
         return not self.contradictions
+
+    @property
+    def settled_note(self) -> str:
+        """What settled means here, in a sentence; empty where no method found north."""
+        if self.within_arcmin is None:
+            return ""
+        about = "its end" if self.heading_deg is None else f"{self.heading_deg:.4f} deg"
+        return (
+            f"settled: from then on the heading stays within {self.within_arcmin:.3g}' of {about}; "
+            "-: it does not, or its own sigma is wider"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison with the keys of the JSON schema `schuler.comparison/3`."""
@@ -121,6 +141,7 @@ class Comparison(Result):
             "window_s": self.window, "limit_arcmin": self.limit_arcmin,
             "read_as": self.read_as, "assumed": list(self.assumed),
             "consistent": self.consistent, "contradictions": list(self.contradictions),
+            "settled_within_arcmin": self.within_arcmin, "true_heading_deg": self.heading_deg,
             "rows": [row.to_dict() for row in self.rows],
         }  # fmt: skip
 
@@ -144,13 +165,46 @@ class Comparison(Result):
             + (f"  {row.note}" if row.note else "")
             for row in self.rows
         ]
+        if self.settled_note:
+            lines.append(self.settled_note)
         return "\n".join(line.rstrip() for line in lines)
 
 
-def settle_time(fix: Alignment, points: int = 100) -> float | None:
-    """Return when the heading has come within three sigmas of the end to stay, s; None if never."""
-    t, heading, sigma = heading_history(fix, points)
-    off = np.abs(heading - heading[-1]) * 60.0 > SETTLED * sigma
+def settle_time(
+    fix: Alignment, points: int = 100, *, within: float | None = None, heading: float | None = None
+) -> float | None:
+    """Return the time used from which on the heading stays within a band, s; None if it never does.
+
+    A heading whose own sigma at the end is wider than the band has not settled, wherever it stays.
+
+    Parameters
+    ----------
+    fix : Alignment
+    points : int
+        Ever longer parts of the record that are looked at, at most; 40 % of them for a filter.
+    within : float, optional
+        Half the width of the band, arcmin; three of the alignment's sigmas when not given.
+    heading : float, optional
+        Middle of the band, deg: the true heading; that at the end when not given.
+    """
+    sigma = float(fix.sigma_arcmin[2])
+    band = SETTLED * sigma if within is None else within
+    return _settled(*heading_history(fix, _points(fix, points)), sigma, band, heading)
+
+
+def _points(fix: Alignment, points: int = 100) -> int:
+    """Return how many parts are looked at: a filter runs over each, so that they are fewer."""
+    return points if fix.filter_history is None else max(2, 2 * points // 5)
+
+
+def _settled(
+    t: Array, found: Array, sigma: float, band: float, heading: float | None
+) -> float | None:
+    """Return the first time from which on headings stay in a band, or None."""
+    if sigma > band:
+        return None
+    away = found - (found[-1] if heading is None else heading)
+    off = np.abs((away + 180.0) % 360.0 - 180.0) * 60.0 > band
     if not np.any(off):
         return float(t[0])
     last = int(np.flatnonzero(off)[-1])
@@ -165,6 +219,8 @@ def compare(
     pairs: Sequence[tuple[str, str]] = DEFAULT_PAIRS,
     *,
     window: float | None = None,
+    within: float | None = None,
+    heading: float | None = None,
     progress: Callable[[str], None] | None = None,
     workers: int = 1,
 ) -> Comparison:
@@ -180,6 +236,11 @@ def compare(
     window : float, optional
         Length of the windows for repeatability, s; a tenth of the record, 60 s at least, when
         not given, and none where fewer than three fit.
+    within : float, optional
+        Band of the settling times, arcmin: the same for all rows, so that they can be compared;
+        three times the least sigma of the rows when not given.
+    heading : float, optional
+        The true heading, deg, where it is known.
     progress : callable, optional
         Called with what was run.
     workers : int
@@ -203,6 +264,11 @@ def compare(
         "read a file with schuler.read, a table with schuler.io.from_pandas",
     )
     expect(site, Site, "site", "say schuler.Site(lat, lon, height)")
+    for name, value in (("within", within), ("heading", heading)):
+        if value is not None and not np.isfinite(value):
+            raise InputError(f"{name} must be a finite number, got {value}")
+    if within is not None and not within > 0.0:
+        raise InputError(f"within must be positive, got {within:g} arcmin")
     spec = load_spec(spec)
     if window is None:
         window = max(60.0, record.duration / 10.0)
@@ -213,6 +279,7 @@ def compare(
     rows: dict[int, Row] = {}
     said: dict[int, tuple[str, ...]] = {}
     limits: list[float] = []
+    histories: dict[int, tuple[Array, Array]] = {}
     left = list(range(len(methods)))
     groups: list[dict[int, Method]] = []
     while left:
@@ -225,14 +292,24 @@ def compare(
         rows.update(found.rows)
         said.update(found.contradictions)
         limits += found.limits
+        histories |= found.histories
         if progress is not None:
             for k in group:
                 progress(", ".join(name for name in pairs[k] if name != "none"))
+    sigmas = {k: row.sigma_arcmin for k, row in rows.items() if row.sigma_arcmin is not None}
+    if within is None:
+        # One band for all: each method's own sigma would let the vaguest settle first.
+        within = min((SETTLED * sigma for sigma in sigmas.values()), default=None)
+    for k, sigma in sigmas.items():
+        assert within is not None
+        settled = _settled(*histories[k], sigma, within, heading)
+        rows[k] = replace(rows[k], settle_s=settled)
     contradictions = next((said[k] for k in sorted(said) if said[k]), ())
     # A record quieter than its specification has the lower bound.
     return Comparison(
         record.name, record.duration, repeat, min(limits, default=None),
-        tuple(rows[k] for k in range(len(methods))), contradictions,
+        tuple(rows[k] for k in range(len(methods))), contradictions, within_arcmin=within,
+        heading_deg=heading,
     )  # fmt: skip
 
 
@@ -246,11 +323,14 @@ class _Group:
     contradictions : dict of int to tuple of str
     limits : list of float
         Of those without a prefilter, arcmin.
+    histories : dict of int to (times, headings)
+        Of ever longer parts of the record, s and deg.
     """
 
     rows: dict[int, Row]
     contradictions: dict[int, tuple[str, ...]]
     limits: list[float]
+    histories: dict[int, tuple[Array, Array]]
 
 
 def _compare_group(
@@ -258,7 +338,7 @@ def _compare_group(
     methods: dict[int, Method], pairs: Sequence[tuple[str, str]],
 ) -> _Group:  # fmt: skip
     """Compare methods that share a pass over the record."""
-    out = _Group({}, {}, [])
+    out = _Group({}, {}, [], {})
     whole = Aligner(site, methods[min(methods)], spec)
     begin = time.perf_counter()
     error = ""
@@ -287,8 +367,9 @@ def _compare_group(
             out.limits.append(float(fix.limit_arcmin[2]))
         # Windows are judged by the heading at their start: the vehicle may have moved.
         at = "end" if name in ("gyrocompass", "kalman-large") else "start"
+        out.histories[k] = heading_history(fix, _points(fix))
         out.rows[k] = Row(
-            name, filter_name, fix.heading_deg, float(fix.sigma_arcmin[2]), settle_time(fix),
+            name, filter_name, fix.heading_deg, float(fix.sigma_arcmin[2]), None,
             _spread(windows, method, at), seconds, f"chose {fix.method}" if name == "auto" else "",
             fix.consistent,
         )  # fmt: skip

@@ -76,28 +76,25 @@ def convergence(fix: Alignment, points: int = 60) -> Convergence:
     return Convergence(t, heading, sigma_arcmin)
 
 
-def heading_history(fix: Alignment, points: int = 60) -> tuple[Array, Array, float]:
-    """Return time used (k,), s, heading (k,), deg, and the last one's 1-sigma, arcmin.
+def heading_history(fix: Alignment, points: int = 60) -> tuple[Array, Array]:
+    """Return time used (k,), s, and heading (k,), deg, if the record had ended then.
 
-    As `convergence` has them, without the other uncertainties, which cost more than the headings.
+    Without the uncertainties, which cost more than the headings. A filter is run on each part anew:
+    on its way through the whole record it knows from the start what the whole record gave it to
+    begin with.
     """
-    if fix.filter_history is not None:
-        c = _of_filter(fix, fix.filter_history, points)
-        return c.t, c.heading_deg, float(c.sigma_arcmin[-1])
     method = fix.method.with_prefilter(None)
     found: list[tuple[float, float]] = []
-    problems = _ever_longer(fix, points)
-    for problem in problems:
+    for problem in _ever_longer(fix, points):
         try:
             attitude = method.attitude(problem)
         except InputError:
             continue
         psi = quat_to_euler(nearest_quat(attitude))[0]
         found.append((problem.history.duration, float(psi_to_heading(psi)) / DEG))
-    covariance = method.solve(problems[-1]).covariance + deflection_covariance(fix.site)
     t, heading = (np.array(c) for c in zip(*found, strict=True))
     heading = heading[-1] + (heading - heading[-1] + 180.0) % 360.0 - 180.0
-    return t, heading, float(np.sqrt(covariance[2, 2])) / ARCMIN
+    return t, heading
 
 
 def _ever_longer(fix: Alignment, points: int) -> list[Problem]:

@@ -55,8 +55,9 @@ def align(
         The instant of the attitude.
     array : SensorArray or str, optional
         Geometry of redundant gyros.
-    aiding : GnssFixes, BodySpeed, BodyVelocity, or a sequence of them and of ZeroVelocity, optional
-        What else was measured on a vehicle that moves, on the record's clock.
+    aiding : GnssFixes, BodySpeed, BodyVelocity, or a sequence of them and of others, optional
+        What else was measured on a vehicle that moves, on the record's clock. HeadingFixes, Height
+        and ZeroVelocity may stand beside them.
     span : (float or None, float or None), optional
         Begin and end, s in the record's time; the whole record when not given.
     vibration : float, optional

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler import __version__
-from schuler.cli.aid_options import estimates_of, lever_of, sigmas_of
+from schuler.cli.aid_options import (
+    BESIDE,
+    beside_options,
+    estimates_of,
+    lever_of,
+    read_beside,
+    sigmas_of,
+)
 from schuler.cli.command import CONTRADICTED, echo, wants_text
 from schuler.cli.common import Look, draw, emit_json, open_file, progress, say_warnings, working
 from schuler.cli.parameters import InputFile, Number
@@ -27,9 +34,8 @@ __all__ = ["aiding_options", "navigate_with_aids", "taken"]
 _KEYS = (
     "gnss", "gnss_sigma", "gnss_height", "gnss_topic", "lever", "delay", "odometer",
     "odometer_scale", "wheels", "odometer_lever", "nhc_lever", "dvl",
-    "dvl_frame", "dvl_lever", "height_file", "height_offset", "heading_file", "baseline",
-    "aid_topic", "time_offset", "nhc", "zupt", "scale_states", "axes_states", "clock_drift",
-    "estimate", "smooth", "outage", "vibration", "robust",
+    "dvl_frame", "dvl_lever", *BESIDE, "aid_topic", "time_offset", "nhc", "zupt", "scale_states",
+    "axes_states", "clock_drift", "estimate", "smooth", "outage", "vibration", "robust",
 )  # fmt: skip
 _OFFSETS = ("gnss", "odometer", "dvl", "height", "heading")
 
@@ -83,21 +89,7 @@ def aiding_options(function: Any) -> Any:
             help="Where x, y, z of --dvl point (RFU; of a ROS bag FLU).",
         ),
         click.option("--dvl-lever", metavar="X,Y,Z", help="From IMU to that sensor, m."),
-        click.option(
-            "--height-file", type=InputFile(), metavar="FILE",
-            help="Barometer or depth: time, and height, depth or pressure.",
-        ),
-        click.option(
-            "--height-offset", metavar="M,S",
-            help="1-sigma and correlation time of the offset of --height-file (100,3600).",
-        ),
-        click.option(
-            "--heading-file", type=InputFile(), metavar="FILE",
-            help="Two antennas or compass: time, heading; or NMEA with HDT.",
-        ),
-        click.option(
-            "--baseline", metavar="X,Y,Z", help="Of --heading-file, body axes (0,1,0: forward)."
-        ),
+        *beside_options(),
         click.option(
             "--aid-topic", metavar="AID=NAME", multiple=True,
             help="Topic of odometer or dvl in a ROS bag.",
@@ -166,14 +158,6 @@ def taken(options: dict[str, Any]) -> dict[str, Any]:
     return out
 
 
-def _pair(text: str, option: str) -> tuple[float, float]:
-    try:
-        first, second = (float(cell) for cell in text.split(","))
-    except ValueError:
-        raise InputError(f"{option}: expected two numbers as 100,3600, got '{text}'") from None
-    return first, second
-
-
 def _time_offsets(aids: dict[str, Any]) -> dict[str, float]:
     """Return what is added to the times of each aid, s."""
     out: dict[str, float] = {}
@@ -212,7 +196,7 @@ def _other_aids(
     aids: dict[str, Any], own: tuple[str, ...], offsets: dict[str, float], topic: str | None
 ) -> list[Aid]:
     """Read heights, headings and Doppler velocities."""
-    from schuler.io import read_dvl, read_heading, read_height
+    from schuler.io import read_dvl
 
     out: list[Aid] = []
     if aids["dvl"] is not None:
@@ -221,19 +205,7 @@ def _other_aids(
             read_dvl(aids["dvl"], frame=aids["dvl_frame"], lever=lever, estimate=own,
                      offset=offsets.get("dvl", 0.0), topic=topic)
         )  # fmt: skip
-    if aids["height_file"] is not None:
-        sigma, time = _pair(aids["height_offset"] or "100,3600", "--height-offset")
-        out.append(
-            read_height(aids["height_file"], offset_sigma=sigma, offset_time=time,
-                        offset=offsets.get("height", 0.0))
-        )  # fmt: skip
-    if aids["heading_file"] is not None:
-        baseline = lever_of(aids["baseline"] or "0,1,0", "--baseline")
-        out.append(
-            read_heading(aids["heading_file"], baseline=baseline,
-                         offset=offsets.get("heading", 0.0))
-        )  # fmt: skip
-    return out
+    return [*out, *read_beside(aids, offsets)]
 
 
 def navigate_with_aids(
@@ -256,8 +228,7 @@ def navigate_with_aids(
     offsets, topics = _time_offsets(aids), _topics(aids)
     for option, file in (
         ("dvl_frame", "dvl"), ("dvl_lever", "dvl"), ("odometer_scale", "odometer"),
-        ("wheels", "odometer"), ("odometer_lever", "odometer"), ("baseline", "heading_file"),
-        ("height_offset", "height_file"),
+        ("wheels", "odometer"), ("odometer_lever", "odometer"),
     ):  # fmt: skip
         if aids[option] is not None and aids[file] is None:
             raise InputError(

@@ -6,14 +6,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from schuler.cli.aid_options import estimates_of, lever_of, sigmas_of
+from schuler.cli.aid_options import (
+    BESIDE,
+    beside_options,
+    estimates_of,
+    lever_of,
+    read_beside,
+    sigmas_of,
+)
 from schuler.cli.command import CONTRADICTED, echo, wants_text
 from schuler.cli.common import draw, emit_json, open_file, progress, say_warnings, site_or_none
 from schuler.cli.parameters import InputFile, Number
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
-    from schuler.aiding import BodySpeed, BodyVelocity, GnssFixes
     from schuler.alignment import Alignment, MovingWindows
     from schuler.record import ImuRecord
 
@@ -21,7 +27,7 @@ __all__ = ["align_in_motion", "motion_options", "motion_taken", "read_whole", "s
 
 _AIDS = ("gnss", "odometer", "dvl")
 _KEYS = (*_AIDS, "dvl_frame", "dvl_lever", "gnss_sigma", "lever", "delay", "estimate", "vibration",
-         "zupt")  # fmt: skip
+         "zupt", *BESIDE)  # fmt: skip
 
 
 class _AutoNumber(Number):
@@ -69,6 +75,7 @@ def motion_options(function: Any) -> Any:
             "--vibration", type=Number(0.0, 10.0), metavar="M/S/SQRT(S)",
             help="Least velocity random walk on the vehicle (as the record shows it).",
         ),
+        *beside_options(),
         click.option(
             "--zupt", is_flag=True, default=None,
             help="Use rest of five seconds and more that record and fixes show.",
@@ -99,7 +106,7 @@ def motion_taken(options: dict[str, Any]) -> dict[str, Any] | None:
     return None
 
 
-def _read_aids(aids: dict[str, Any]) -> list[GnssFixes | BodySpeed | BodyVelocity]:
+def _read_aids(aids: dict[str, Any]) -> list[Any]:
     from schuler.io import read_dvl, read_gnss, read_speed
 
     wanted = estimates_of(aids["estimate"])
@@ -117,7 +124,7 @@ def _read_aids(aids: dict[str, Any]) -> list[GnssFixes | BodySpeed | BodyVelocit
     for key in ("lever", "delay"):
         if aids[key] == "auto":
             raise InputError(f"--{key} auto is for --master: beside --gnss say --estimate {key}")
-    out: list[GnssFixes | BodySpeed | BodyVelocity] = []
+    out: list[Any] = []
     if aids["gnss"] is not None:
         sigma, v_sigma = sigmas_of(aids["gnss_sigma"])
         out.append(
@@ -132,7 +139,7 @@ def _read_aids(aids: dict[str, Any]) -> list[GnssFixes | BodySpeed | BodyVelocit
     if aids["dvl"] is not None:
         lever = lever_of(aids["dvl_lever"], "--dvl-lever")
         out.append(read_dvl(aids["dvl"], frame=aids["dvl_frame"], lever=lever, estimate=own))
-    return out
+    return [*out, *read_beside(aids, {})]
 
 
 def align_in_motion(

@@ -83,7 +83,7 @@ def sixpos(**options: Any) -> None:
 @click.command("turntable", cls=Command)
 @_static
 @click.option("--positions", type=click.Choice(["6", "12", "18", "24"]), metavar="N",
-              help="6, 12, 18 or 24, told from the force.")  # fmt: skip
+              help="6, 12, 18 or 24 are expected; without it they are recognised.")  # fmt: skip
 @click.option(
     "--sequence", type=InputFile(), metavar="TOML",
     help="Where the table was: [[position]] with attitude = [psi, theta, gamma], start, stop.",
@@ -93,18 +93,22 @@ def turntable(**options: Any) -> None:
     """Calibrate in 12, 18 or 24 positions of a table, or in a sequence of your own.
 
     FILES: one record in which the dwells are found (or their times are in the sequence), or one
-    for each dwell. With attitudes and --lat the gyros' bias is found as well.
+    for each dwell. Without --positions and --sequence the positions are recognised: directions of
+    up from the force, headings from the turns. With attitudes and --lat the gyros' bias is found
+    as well.
 
     \b
+      schuler calibrate turntable table.csv --lat 48.1 --base rates.toml --out mine.toml
       schuler calibrate turntable table.csv --positions 18 --lat 48.1 --out mine.toml
       schuler calibrate turntable table.csv --sequence table.toml --lat 48.1 --base rates.toml
     """  # noqa: D301
     from schuler.calibration import positions_from_toml
 
     count, path = options.pop("positions"), options.pop("sequence")
-    if (count is None) == (path is None):
-        raise InputError("say --positions 6, 12, 18 or 24, or where the table was by --sequence")
-    _positions(options, int(count) if path is None else positions_from_toml(path))
+    if count is not None and path is not None:
+        raise InputError("say --positions, or where the table was by --sequence, not both")
+    positions: Any = None if count is None else int(count)
+    _positions(options, positions if path is None else positions_from_toml(path))
 
 
 def _positions(options: dict[str, Any], positions: Any) -> None:

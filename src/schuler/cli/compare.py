@@ -23,7 +23,7 @@ from schuler.cli.common import (
     site_or_none,
 )
 from schuler.cli.completion import methods, prefilters, specs
-from schuler.cli.parameters import Seconds
+from schuler.cli.parameters import Number, Seconds
 from schuler.cli.progress import counting
 from schuler.errors import InputError
 
@@ -66,6 +66,12 @@ class _CompareCommand(Command):
 )  # fmt: skip
 @click.option("--windows", type=Seconds(), help="Length of the windows for the repeatability.")
 @click.option(
+    "--settled", "within", metavar="ANGLE",
+    help="Band of the settling times, as 10'; three times the least sigma of all without it.",
+)  # fmt: skip
+@click.option("--heading", type=Number(-360.0, 360.0, unit="deg"), metavar="DEG",
+              help="The true heading, if it is known: settled is then about it.")  # fmt: skip
+@click.option(
     "--records", is_flag=True,
     help="Hold two records of one pose against each other: two instruments, or two days.",
 )  # fmt: skip
@@ -77,12 +83,15 @@ def command(**options: Any) -> int:
     \b
       schuler compare truck.imu --spec navigation-rlg --windows 100s
       schuler compare truck.imu --method centred,kalman --prefilter none,emd --json -
+      schuler compare truck.imu --settled "10'" --heading 90.6
       schuler compare --records monday.csv tuesday.csv --lat 48.1 --spec navigation-fog
     """  # noqa: D301
     from dataclasses import replace
 
     from schuler.alignment.compare import DEFAULT_PAIRS, compare
+    from schuler.constants import ARCMIN
     from schuler.record import ImuRecord
+    from schuler.units import parse
 
     named = options.pop("file")
     if options.pop("records"):
@@ -97,6 +106,8 @@ def command(**options: Any) -> int:
         options.pop(k) for k in ("spec", "methods", "prefilters", "windows", "json_to", "report_to")
     )
     start, stop = options.pop("start"), options.pop("stop")
+    heading, within = options.pop("heading"), options.pop("within")
+    band = None if within is None else parse(within, "angle", "--settled") / ARCMIN
     source, finish = open_file(options)
     site = site_or_none(options, source)
     if site is None:
@@ -118,7 +129,8 @@ def command(**options: Any) -> int:
             tell(len(done), len(pairs), text)
 
         found = compare(
-            record, site, spec, pairs, window=window, progress=show, workers=cores()
+            record, site, spec, pairs, window=window, within=band, heading=heading, progress=show,
+            workers=cores(),
         )  # fmt: skip
     found = replace(
         found, contradictions=(*source.contradictions, *found.contradictions),
@@ -141,9 +153,13 @@ def _two_records(named: tuple[str, ...], options: dict[str, Any]) -> int:
 
     if len(named) != 2:
         raise InputError(f"--records takes two records, got {len(named)}")
-    unused = [key for key in ("prefilters", "windows", "save_mapping") if options.get(key)]
+    methods_only = ("prefilters", "windows", "within", "heading", "save_mapping")
+    unused = [
+        key for key in methods_only
+        if options.get(key) is not None and options[key] is not False and options[key] != ""
+    ]  # fmt: skip
     if unused:
-        name = unused[0].removesuffix("s") if unused[0] == "prefilters" else unused[0]
+        name = {"prefilters": "prefilter", "within": "settled"}.get(unused[0], unused[0])
         raise InputError(f"--{name.replace('_', '-')} is for methods on one record")
     spec = load_spec(options.pop("spec"))
     json_to, report_to = options.pop("json_to"), options.pop("report_to")

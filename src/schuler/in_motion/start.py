@@ -66,8 +66,13 @@ class Span:
     bias: Array
     site: Site
 
-    def coarse(self) -> tuple[Leader, CoarseAlignment]:
+    def coarse(self, enough: float = ENOUGH) -> tuple[Leader, CoarseAlignment]:
         """Return the leader's measurements in the span, and the attitude at its start.
+
+        Parameters
+        ----------
+        enough : float
+            1-sigma of a heading that is none, rad.
 
         Raises
         ------
@@ -90,7 +95,8 @@ class Span:
             if far >= _LINEAR:
                 here = replace(here, bias=here.bias + found.gyro_bias)
         found = replace(found, gyro_bias=found.gyro_bias + here.bias - self.bias)
-        if found.heading_sigma > ENOUGH or not np.isfinite(found.heading_sigma):
+        # A comparison that is false for what is not a number, too.
+        if not found.heading_sigma <= enough:
             raise InputError(f"{self.leader.name}: {missing(found, series)}")
         return cut, found
 

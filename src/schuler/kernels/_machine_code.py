@@ -20,6 +20,7 @@ import platform
 import sys
 from collections.abc import Callable
 from functools import cache
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -153,11 +154,23 @@ def machine() -> Any:
     )  # fmt: skip
 
 
-@cache
+_linkers: list[Any] = []
+"""The one linker, which owns the code of all kernels."""
+
+_linker_lock = Lock()
+
+
 def _linker() -> Any:
+    """Return the linker; of several threads that ask for it first, one makes it.
+
+    A second one that was dropped would take the code that it holds away from under its callers.
+    """
     import llvmlite.binding as llvm
 
-    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine())
+    with _linker_lock:
+        if not _linkers:
+            _linkers.append(llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine()))
+    return _linkers[0]
 
 
 def bind(header: bytes, code: bytes) -> Callable[..., Any]:

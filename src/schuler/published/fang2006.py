@@ -26,6 +26,7 @@ from schuler.published.result import (
     experiment,
     instrument,
     misalignment,
+    rms_error,
 )
 from schuler.record import ImuRecord
 from schuler.simulation import simulate
@@ -42,6 +43,11 @@ STARTS = ("P0 as printed", "P0 in the meant order", "wide P0")
 _SIDES = ("east", "north", "up")
 _TILTED = 1.0
 """Pitch or roll, deg, from which on the third accelerometer's bias is a state."""
+
+
+def _site(case: dict[str, Any]) -> Site:
+    """Return the place; the simulated one has normal gravity, and nothing is to be added for it."""
+    return Site(case["site"]["lat"], gravity_sigma=0.0, deflection_sigma=0.0)
 
 
 def _position(angles: list[float], dwell: float, turn: float = 0.0) -> Position:
@@ -140,7 +146,7 @@ def _block(
     """Return phi (runs, 3), arcmin, and NEES/3 (runs,) at the end by each filter."""
     case = conditions("fang2006", changes)
     settings = case["simulation"]
-    spec, site = instrument(case, "patent"), Site(case["site"]["lat"])
+    spec, site = instrument(case, "patent"), _site(case)
     angles = case["case"][number]["angles"]
     table, duration, _ = table_of(angles, settings["dwell"])
     out: dict[str, list[Any]] = {}
@@ -165,6 +171,12 @@ def _block(
     return {key: np.array(value) for key, value in out.items()}
 
 
+def _rms_errors(phi: Array) -> tuple[Array, Array]:
+    """Return the rms (3,) of misalignments (runs, 3), and its standard error."""
+    each = np.array([rms_error(column) for column in phi.T])
+    return each[:, 0], each[:, 1]
+
+
 def run(options: Options) -> Experiment:
     """Redo the two positions, for several turns between them.
 
@@ -181,7 +193,7 @@ def run(options: Options) -> Experiment:
     settings = case["simulation"]
     if settings["dwell"] < 10.0 * case["filter"]["step"]:
         raise InputError("fang2006: simulation.dwell must be ten times filter.step at least")
-    spec, site = instrument(case, "patent"), Site(case["site"]["lat"])
+    spec, site = instrument(case, "patent"), _site(case)
     runs = options.runs or case["runs"]
     jobs: list[tuple[Any, ...]] = [
         (number, a, min(a + _BLOCK, runs), options.seed, options.changes)
@@ -199,12 +211,13 @@ def run(options: Options) -> Experiment:
         }  # fmt: skip
         _, _, positions = table_of(place["angles"], settings["dwell"])
         bound = position_limit(spec, site, positions, 1.0 / settings["rate"]).sigma_arcmin
-        best = np.sqrt(np.mean(found["default"] ** 2, axis=0))
+        best, best_error = _rms_errors(found["default"])
         for start in STARTS:
-            own = np.sqrt(np.mean(found[start] ** 2, axis=0))
+            own, own_error = _rms_errors(found[start])
             rows += [
                 Row(f"{place['name']}, rms phi {side}, {start}", "arcmin", None, own[i], best[i],
                     bound[i],
+                    f"standard errors {own_error[i]:.2g} and {best_error[i]:.2g}; "
                     f"{own[i] / bound[i]:.2f} and {best[i] / bound[i]:.2f} times the limit")
                 for i, side in enumerate(_SIDES)
             ]  # fmt: skip

@@ -16,14 +16,22 @@ from numpy.typing import NDArray
 
 from schuler.alignment import align, inertial_frame_error, limit
 from schuler.alignment.history import inertial_to_local
-from schuler.attitude import euler_to_quat, quat_to_matrix, rotate
+from schuler.attitude import euler_to_quat, quat_to_matrix
 from schuler.constants import ARCMIN, DEG, DEG_PER_HOUR, MICRO_G
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.motion import Static
-from schuler.prefilter.base import held_frame
 from schuler.published.figures import Curve, Figure
 from schuler.published.guo2015_gate import gate_block, gate_rows
+from schuler.published.guo2015_instants import (
+    FORMS,
+    NOISES,
+    READINGS,
+    SPANS,
+    instants,
+    phi_of,
+    two_instants,
+)
 from schuler.published.result import (
     Experiment,
     Options,
@@ -44,83 +52,9 @@ Array = NDArray[np.float64]
 Changes = tuple[tuple[str, Any], ...]
 
 AXES = "xyz"
-NOISES = ("per root hertz", "per sample")
-#: how a pair of instants is laid into the record, and which span the record has
-SPANS = {
-    "100 s: t1 to 50 s, t2 = t1 + 50 s": "short",
-    "20 min: t1 to 10 min, t2 = t1 + 10 min": "long",
-    "20 min: t1 to 50 s, t2 in the second half": "long",
-}
-FORMS = ("eq. 6 and 9", "TRIAD")
-READINGS = tuple((noise, span, form) for noise in NOISES for span in SPANS for form in FORMS)
 _BLOCK = 25
 _SHARE = 0.5
 """Part of the biases that the default method is told of (see the errata)."""
-
-
-def instants(span: str, share: float, duration: float) -> tuple[float, float]:
-    """Return t1 and t2, s, of the pair at a share (0 to 1) of the spans.
-
-    Parameters
-    ----------
-    span : str
-        One of `SPANS`.
-    share : float
-    duration : float
-        Of the record, s.
-    """
-    which = list(SPANS).index(span)
-    half = 0.5 * duration
-    if which < 2:
-        return share * half, (1.0 + share) * half
-    return share * 50.0, (1.0 + share) * half
-
-
-def two_instants(
-    record: ImuRecord, site: Site, pairs: list[tuple[float, float]]
-) -> dict[str, Array]:
-    """Return phi in i0 of C_ib0^i0, times C_ib0^i0, from the force at two instants.
-
-    Parameters
-    ----------
-    record : ImuRecord
-    site : Site
-    pairs : list of (t1, t2)
-        s since the start.
-
-    Returns
-    -------
-    dict of str to (k, 3, 3) float64
-        The estimated C_ib0^i0 by each of `FORMS`; that of equation 6 is not quite a rotation.
-    """
-    middle = record.time - 0.5 * record.dt
-    force = rotate(held_frame(record), record.accel)
-    rows = np.clip(np.searchsorted(record.time, np.array(pairs), "right"), 0, len(record) - 1)
-    gravity = site.gravity * inertial_to_local(middle, site.latitude)[:, 2]
-    f1, f2, g1, g2 = force[rows[:, 0]], force[rows[:, 1]], gravity[rows[:, 0]], gravity[rows[:, 1]]
-
-    def columns(a: Array, b: Array) -> Array:
-        return np.stack([a, b, np.cross(a, b)], axis=-1)
-
-    def triad(a: Array, b: Array) -> Array:
-        x = a / np.linalg.norm(a, axis=-1, keepdims=True)
-        y = np.cross(a, b)
-        y /= np.linalg.norm(y, axis=-1, keepdims=True)
-        return np.stack([x, y, np.cross(x, y)], axis=-1)
-
-    printed = np.linalg.solve(columns(g1, g2).swapaxes(-1, -2), columns(f1, f2).swapaxes(-1, -2))
-    return {
-        "eq. 6 and 9": np.asarray(printed, np.float64),
-        "TRIAD": triad(g1, g2) @ triad(f1, f2).swapaxes(-1, -2),
-    }
-
-
-def _phi(found: Array, true: Array) -> Array:
-    """Return the antisymmetric part of C_est C^T = I + S - [phi x] as phi (..., 3), arcmin."""
-    e = found @ true.T
-    return np.stack(
-        [e[..., 1, 2] - e[..., 2, 1], e[..., 2, 0] - e[..., 0, 2], e[..., 0, 1] - e[..., 1, 0]], -1
-    ) / (2.0 * ARCMIN)
 
 
 @dataclass(frozen=True)
@@ -135,10 +69,9 @@ class _Case:
 
     @classmethod
     @cache
-    def of(cls, number: int, noise: str) -> _Case:
-        """Make the case of a number, with its noise."""
-        case = conditions("guo2015")  # the table's columns cannot be changed, nor its step
-        table, step = case["case"][number], float(case["simulation"]["step"])
+    def of(cls, number: int, noise: str, step: float) -> _Case:
+        """Make the case of a number, with its noise, for samples of a step, s."""
+        table = conditions("guo2015")["case"][number]  # the table's columns cannot be changed
         more = 1.0 if noise == "per sample" else step**-0.5
         return cls(
             MICRO_G * np.array(table["accel_bias_ug"]),
@@ -208,36 +141,38 @@ def fitted_conditions() -> dict[str, Any]:
 
 
 def _where(changes: Changes) -> dict[str, Any]:
-    """Return the latitude and the attitude of the simulation: the fit's, or those that are set."""
-    return {**fitted_conditions(), **conditions("guo2015", changes).get("site", {})}
+    """Return what is simulated: latitude and attitude of the fit or as set, step and lengths."""
+    case = conditions("guo2015", changes)
+    return {**fitted_conditions(), **case.get("site", {}), **case["simulation"]}
 
 
 @cache
-def _still(span: str, lat: float, euler_deg: tuple[float, ...]) -> tuple[Simulation, Site]:
-    """Return an error-free record of a length of Table 1."""
-    case = conditions("guo2015")
+def _still(
+    length: float, step: float, lat: float, euler_deg: tuple[float, ...]
+) -> tuple[Simulation, Site]:
+    """Return an error-free record of Table 1."""
     psi, pitch, roll = euler_deg
-    site, step = Site(lat), case["simulation"]["step"]
-    motion = Static(-psi, pitch, roll)
-    return simulate(motion, site, case["simulation"][span], 1.0 / step), site
+    site = Site(lat)
+    return simulate(Static(-psi, pitch, roll), site, length, 1.0 / step), site
 
 
 def _record(span: str, where: dict[str, Any]) -> tuple[Simulation, Site]:
-    return _still(span, where["lat"], tuple(where["euler_deg"]))
+    return _still(where[span], where["step"], where["lat"], tuple(where["euler_deg"]))
 
 
 def _block(
     number: int, first: int, last: int, runs: int, seed: int, changes: Changes
 ) -> dict[Any, Array]:
     """Return phi in i0, arcmin, of runs `first` to `last` of a case by every reading."""
-    long, site = _record("long", _where(changes))
+    where = _where(changes)
+    long, site = _record("long", where)
     truth = quat_to_matrix(long.truth.known("quat_nb")[0])
     start = inertial_to_local(0.0, site.latitude)
     true = start.T @ truth
     settings = conditions("guo2015", changes)
     duration = {span: settings["simulation"][span] for span in ("short", "long")}
     every = max(1, runs // settings["best_runs"])
-    cases = {noise: _Case.of(number, noise) for noise in NOISES}
+    cases = {noise: _Case.of(number, noise, where["step"]) for noise in NOISES}
     out: dict[Any, list[Array]] = {}
     for k in range(first, last):
         rng = np.random.default_rng([seed, 2015, number, k])
@@ -246,7 +181,7 @@ def _block(
         for noise, case in cases.items():
             record = case.measured(long.record, white)
             for form, c in two_instants(record, site, pairs).items():
-                for span, phi in zip(SPANS, _phi(c, true), strict=True):
+                for span, phi in zip(SPANS, phi_of(c, true), strict=True):
                     out.setdefault((noise, span, form), []).append(phi)
             for span, length in duration.items() if k % every == 0 else ():
                 # The other reading of the noise is asked of the first case alone.
@@ -255,13 +190,13 @@ def _block(
                 part = record.rows(0, round(length / case.step))
                 fix = align(part, site, spec=case.spec(_SHARE), at="start")
                 found = start.T @ quat_to_matrix(fix.quat_nb)
-                out.setdefault((noise, span), []).append(_phi(found, true))
+                out.setdefault((noise, span), []).append(phi_of(found, true))
     return {key: np.array(value) for key, value in out.items()}
 
 
 def _theory(where: dict[str, Any], number: int, span_sum: float = 0.0) -> Array:
     """Return equations 36 to 38 under printed or recovered conditions, arcmin."""
-    site, case = Site(where["lat"]), _Case.of(number, "per sample")
+    site, case = Site(where["lat"]), _Case.of(number, "per sample", 1.0)
     quat = euler_to_quat(np.array(where["euler_deg"]) * DEG)
     # The document's micro-g is a millionth of the local gravity.
     nabla = case.nabla * site.gravity / (1e6 * MICRO_G)
@@ -270,7 +205,7 @@ def _theory(where: dict[str, Any], number: int, span_sum: float = 0.0) -> Array:
 
 def _limit(number: int, noise: str, span: str, where: dict[str, Any]) -> Array:
     """Return the limit of the spread about the biases' error in i0, arcmin."""
-    case, (made, site) = _Case.of(number, noise), _record(span, where)
+    case, (made, site) = _Case.of(number, noise, where["step"]), _record(span, where)
     bound = limit(case.spec(), site, made.record.duration, case.step)
     start = inertial_to_local(0.0, site.latitude)
     return np.asarray(np.sqrt(np.diag(start.T @ bound @ start)) / ARCMIN)
@@ -303,6 +238,8 @@ def run(options: Options) -> Experiment:
     case, where = conditions("guo2015", options.changes), _where(options.changes)
     if len(where["euler_deg"]) != 3:
         raise InputError("guo2015: site.euler_deg has three angles: psi, theta, gamma")
+    if not case["simulation"]["short"] <= case["simulation"]["long"]:
+        raise InputError("guo2015: simulation.short must be no longer than simulation.long")
     _record("long", where)
     table, runs = case["case"], options.runs or case["runs"]
     gate_runs = min(runs, case["gate_runs"])

@@ -17,7 +17,7 @@ from schuler.earth import Site
 from schuler.motion import DisturbedVehicle
 from schuler.motion.vehicle import Crew
 from schuler.prefilter import Chain, Gate, LowPass, Prefilter
-from schuler.published.result import Row, conditions, misalignment
+from schuler.published.result import Row, conditions, misalignment, std_error
 from schuler.sensors import load_spec
 from schuler.simulation import simulate
 
@@ -88,10 +88,11 @@ def gate_rows(case: dict[str, Any], found: dict[str, Array]) -> list[Row]:
         }.get(name, [None] * 3)
         spread = found[name].std(axis=0, ddof=1)
         share = found.get(f"rejected: {name}")
-        note = "" if share is None else f"the gate rejects {100 * share.mean():.1f} % of samples"
+        gate = "" if share is None else f"; the gate rejects {100 * share.mean():.2g} % of samples"
+        error = std_error(found[name])
         rows += [
             Row(f"disturbed vehicle, std {what}: {name}", "arcmin", printed[i], spread[i], best[i],
-                bound[i], note)
+                bound[i], f"standard error {error[i]:.2g}{gate}")
             for i, what in enumerate(("tilt east", "tilt north", "azimuth"))
         ]  # fmt: skip
     return rows

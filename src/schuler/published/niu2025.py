@@ -164,6 +164,8 @@ def run(options: Options) -> Experiment:
         For a record without an outage.
     """
     case = conditions("niu2025", options.changes)
+    if len(case["drive"]["speeds"]) != len(case["drive"]["turns"]):
+        raise InputError("niu2025: drive.speeds and drive.turns must have one value for each leg")
     settle = case["outages"]["settle"] + max(case["outages"]["shifts"])
     if case["simulation"]["duration"] < settle + case["outages"]["length"] + 10.0:
         raise InputError(

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from importlib.resources import files
+from dataclasses import asdict, dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,8 +14,8 @@ from schuler._result import Result, table_of_rows
 from schuler.attitude import multiply, quat_to_rotvec
 from schuler.constants import ARCMIN
 from schuler.errors import InputError
+from schuler.published.cases import changeable, conditions, instrument
 from schuler.published.figures import Figure
-from schuler.sensors import ImuSpec, load_spec
 
 __all__ = [
     "Experiment",
@@ -29,6 +27,7 @@ __all__ = [
     "instrument",
     "misalignment",
     "rms_error",
+    "std_error",
 ]
 
 Array = NDArray[np.float64]
@@ -177,112 +176,6 @@ class Options:
             raise InputError(f"a seed is a number of 0 or more, got {self.seed}")
 
 
-def _read(name: str) -> dict[str, Any]:
-    text = files("schuler.published").joinpath("data", f"{name}.toml").read_text(encoding="utf-8")
-    return tomllib.loads(text)
-
-
-_FIXED = ("title", "citation", "errata", "printed", "case", "runs", "optional")
-"""What a document says, and what has an option of its own."""
-
-
-def changeable(name: str) -> dict[str, Any]:
-    """Return the conditions of an experiment that can be changed, with their values.
-
-    A condition that nothing is said of (what the instrument's grade has) is None.
-
-    Examples
-    --------
-    >>> sorted(changeable("xu2017"))[:2]
-    ['search.rounds', 'search.seed']
-    """
-    out: dict[str, Any] = {}
-
-    def walk(table: dict[str, Any], prefix: str) -> None:
-        for key, value in table.items():
-            if isinstance(value, dict):
-                walk(value, f"{prefix}{key}.")
-            elif not (isinstance(value, list) and value and isinstance(value[0], dict)):
-                out[f"{prefix}{key}"] = value
-
-    data = _read(name)
-    walk({key: value for key, value in data.items() if key not in _FIXED}, "")
-    for key in data.get("optional", {}):
-        out.setdefault(key, None)
-    return out
-
-
-def _fits(value: Any, own: Any) -> bool:
-    """Whether a value is of the kind that a condition has."""
-    if isinstance(own, bool) or isinstance(value, bool):
-        return isinstance(own, bool) and isinstance(value, bool)
-    if isinstance(own, int | float):
-        return isinstance(value, int | float) and np.isfinite(value)
-    if isinstance(own, list):
-        return isinstance(value, list) and bool(value) and all(_fits(v, own[0]) for v in value)
-    return isinstance(value, type(own))
-
-
-def conditions(name: str, changes: Iterable[tuple[str, Any]] = ()) -> dict[str, Any]:
-    """Return the conditions of an experiment, and what its document prints, from its TOML.
-
-    Parameters
-    ----------
-    name : str
-    changes : iterable of (str, value)
-        Conditions to set, as ``("site.lat", 50.0)``.
-
-    Raises
-    ------
-    InputError
-        For a condition that the experiment does not have, or a value of another kind.
-
-    Examples
-    --------
-    >>> conditions("niu2025", [("site.lat", 50.0)])["site"]["lat"]
-    50.0
-    """
-    data = _read(name)
-    known = changeable(name)
-    for key, value in changes:
-        if key not in known:
-            raise InputError(
-                f"{name} has no condition '{key}' that can be set; it has {', '.join(known)}"
-            )
-        own = known[key] if known[key] is not None else data["optional"][key]
-        if not _fits(value, own):
-            raise InputError(f"{name}: {key} must be like {own!r}, got {value!r}")
-        table = data
-        *path, last = key.split(".")
-        for part in path:
-            table = table.setdefault(part, {})
-        table[last] = value
-    return data
-
-
-def instrument(case: dict[str, Any], name: str) -> ImuSpec:
-    """Return the instrument of an experiment: its grade, and what [gyro] and [accelerometer] say.
-
-    Raises
-    ------
-    InputError
-        For a value without a unit or of another dimension, or a key that no instrument has.
-    """
-    given = {part: case.get(part, {}) for part in ("gyro", "accelerometer")}
-    told = ImuSpec.from_dict(given, name)
-    grade = load_spec(case.get("simulation", {}).get("grade"))
-    if grade is None:
-        return told
-
-    def over(own: Any, new: Any, keys: Iterable[str]) -> Any:
-        return replace(own, **{key: getattr(new, key) for key in keys})
-
-    return replace(
-        grade, gyro=over(grade.gyro, told.gyro, given["gyro"]),
-        accelerometer=over(grade.accelerometer, told.accelerometer, given["accelerometer"]),
-    )  # fmt: skip
-
-
 def rms_error(errors: ArrayLike) -> tuple[float, float]:
     """Return the rms of errors of independent runs, and its standard error.
 
@@ -292,6 +185,21 @@ def rms_error(errors: ArrayLike) -> tuple[float, float]:
     rms = float(np.sqrt(squares.mean()))
     spread = float(squares.std(ddof=1)) / np.sqrt(len(squares))
     return rms, 0.0 if rms == 0.0 else spread / (2.0 * rms)
+
+
+def std_error(errors: ArrayLike) -> Array:
+    """Return the standard error of the standard deviation (k,) of independent runs (n, k).
+
+    That of the mean square about the mean, divided by twice the deviation, as in `rms_error`.
+    """
+    found = np.asarray(errors, np.float64)
+    squares = (found - found.mean(axis=0)) ** 2
+    spread = found.std(axis=0, ddof=1)
+    return np.asarray(
+        squares.std(axis=0, ddof=1)
+        / np.sqrt(len(found))
+        / np.where(spread > 0.0, 2.0 * spread, 1.0)
+    )
 
 
 def experiment(

@@ -74,12 +74,17 @@ def figures(errors: Array) -> Array:
     )
 
 
+def _plant(case: dict[str, Any], order: str) -> Plant:
+    return Plant(order=order, **case["plant"])
+
+
 def _block(
     first: int, last: int, seed: int, changes: tuple[tuple[str, Any], ...]
 ) -> tuple[Array, Array]:
     """Return the coefficients' errors (runs, 45) after one pass and after several."""
-    settings = conditions("xu2017", changes)["simulation"]
-    plant, truth = Plant(order=settings["order"]), published_truth()
+    case = conditions("xu2017", changes)
+    settings, truth = case["simulation"], published_truth()
+    plant = _plant(case, settings["order"])
     rng = np.random.default_rng([seed, 2017, first])
     outputs = simulate_platform(
         plant, PUBLISHED_POSITIONS, settings["dwell"], truth, rng, last - first
@@ -99,9 +104,17 @@ def run(options: Options) -> Experiment:
     Parameters
     ----------
     options : Options
+
+    Raises
+    ------
+    InputError
+        For a plant or a dwell that cannot be.
     """
     case = conditions("xu2017", options.changes)
     settings, printed, runs = case["simulation"], case["printed"], options.runs or case["runs"]
+    plant = _plant(case, settings["order"])
+    # Refused before the work, if this dwell cannot be.
+    Problem(plant, dwell=settings["dwell"])
     jobs: list[tuple[Any, ...]] = [
         (_block, a, min(a + _BLOCK, runs), options.seed, options.changes)
         for a in range(0, runs, _BLOCK)
@@ -113,7 +126,7 @@ def run(options: Options) -> Experiment:
     found, done = dict(zip(searches, each, strict=False)), each[len(searches) :]
     errors = [np.concatenate([d[i] for d in done]) for i in (0, 1)]
     one, more = (np.median(figures(x), axis=0) for x in errors)
-    plant, dwell = Plant(order=settings["order"]), settings["dwell"]
+    dwell = settings["dwell"]
     least = np.asarray(np.linalg.inv(scheme_information(plant, PUBLISHED_POSITIONS, dwell)))
     rng = np.random.default_rng([options.seed, 45])
     drawn = rng.standard_normal((4000, len(least))) @ np.linalg.cholesky(least).T
@@ -146,7 +159,8 @@ def run(options: Options) -> Experiment:
 
 def _searched(name: str, order: str, changes: tuple[tuple[str, Any], ...]) -> Judgement:
     """Return what a scheme is worth that a search for an objective finds, at the same dwell."""
-    case, plant = conditions("xu2017", changes), Plant(order=order)
+    case = conditions("xu2017", changes)
+    plant = _plant(case, order)
     search, dwell = case["search"], case["simulation"]["dwell"]
     scheme = plan(
         Problem(plant, dwell=dwell, objective=Objective(name)), seed=search["seed"],

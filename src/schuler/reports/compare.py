@@ -22,6 +22,11 @@ def _cell(value: float | None, form: str, unit: str = "") -> str:
     return f"{value:,.0f}{unit}" if form == ".3g" and value >= 1000 else f"{value:{form}}{unit}"
 
 
+def _settled(found: Comparison) -> str:
+    note = found.settled_note.replace("'", "′").replace(" deg;", "°;").replace("-:", "–:")
+    return f"; {escape(note)}" if note else ""
+
+
 def comparison_page(found: Comparison) -> Page:
     """Return the page.
 
@@ -42,7 +47,7 @@ def comparison_page(found: Comparison) -> Page:
     heads = ("method", "prefilter", "heading", "sigma", "settled, s", "std of windows", "cost, s",
              "note")  # fmt: skip
     table = (
-        "<table><caption>Every method on this record</caption><thead><tr>"
+        f"<table><caption>Every method on this record{_settled(found)}</caption><thead><tr>"
         + "".join(f'<th scope="col">{name}</th>' for name in heads)
         + f"</tr></thead><tbody>{body}</tbody></table>"
     )

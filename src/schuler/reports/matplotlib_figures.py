@@ -133,6 +133,12 @@ def _draw(figure: Figure, ax: Any) -> None:
     if "yaxis2" in layout:
         right = ax.twinx()
         right.set_ylabel(_plain(layout["yaxis2"]["title"]["text"]))
+    for letter in "xy":
+        if "categoryarray" in layout[f"{letter}axis"]:
+            # Words stand in this order, whichever comes first in a trace.
+            getattr(ax, f"{letter}axis").update_units(
+                list(layout[f"{letter}axis"]["categoryarray"])
+            )
     bars = [trace for trace in figure.data if trace["type"] == "bar"]
     for trace in figure.data:
         target = right if right is not None and trace.get("yaxis") == "y2" else ax

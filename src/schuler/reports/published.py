@@ -43,16 +43,22 @@ def _table(found: Mapping[str, Any]) -> str:
     )
 
 
+def _positive(row: Mapping[str, Any]) -> bool:
+    return all(value is None or value > 0.0 for value in _values(row))
+
+
 def _drawings(name: str, found: Mapping[str, Any]) -> list[Drawing]:
     """Draw all rows, a drawing for each unit.
 
-    Where a figure is nought or negative the axis is linear, so that none is left out.
+    Rows with a figure that is nought or negative have a drawing of their own with a linear axis, so
+    that none is left out and the others keep a logarithmic one.
     """
     marks = (("diamond", ORANGE), ("circle", GREY), ("square", BLUE), ("line-ns-open", GREEN))
     rows = [row for row in found["rows"] if any(v is not None for v in _values(row))]
     out = []
-    for unit in dict.fromkeys(row["unit"] for row in rows):
-        own = [row for row in rows if row["unit"] == unit]
+    for unit, positive in dict.fromkeys((row["unit"], _positive(row)) for row in rows):
+        own = [row for row in rows if (row["unit"], _positive(row)) == (unit, positive)]
+        said = "no unit" if unit == "1" else unit
         traces: list[Any] = []
         for k, (head, (symbol, colour)) in enumerate(zip(_HEADS, marks, strict=True)):
             picked = [(_values(row)[k], row["quantity"]) for row in own]
@@ -66,14 +72,20 @@ def _drawings(name: str, found: Mapping[str, Any]) -> list[Drawing]:
                                 "line": {"width": 2, "color": colour}},
                     )
                 )  # fmt: skip
-        positive = all(v is None or v > 0 for row in own for v in _values(row))
-        layout = plot_layout(max(220, 110 + 24 * len(own)), f"figure, {unit}", "")
+        layout = plot_layout(max(220, 110 + 24 * len(own)), f"figure, {said}", "")
         layout["xaxis"].update(type="log" if positive else "linear")
-        layout["yaxis"].update(autorange="reversed", automargin=True)
+        # In the rows' order, whichever of them the first trace has.
+        layout["yaxis"].update(
+            automargin=True,
+            categoryorder="array",
+            categoryarray=[row["quantity"] for row in own],
+            range=[len(own) - 0.5, -0.5],
+        )
         layout["hovermode"] = "y unified"
-        text = f"Printed figures beside ours and the limit, {unit}"
-        text += ", on a logarithmic axis." if positive else "."
-        out.append(Drawing(f"{name} {unit}", figure_of(traces, layout), text, f"{name}: {text}"))
+        text = f"Printed figures beside ours and the limit, {said}"
+        text += ", on a logarithmic axis." if positive else ", on a linear axis."
+        title = f"{name} {unit}" + ("" if positive else ", signed")
+        out.append(Drawing(title, figure_of(traces, layout), text, f"{name}: {text}"))
     return out
 
 
@@ -93,6 +105,10 @@ def _curves(figure: Any) -> Drawing:
     layout = plot_layout(400, figure.x, figure.y)
     layout["margin"] = {**layout["margin"], "b": 110}
     layout["legend"] = {"orientation": "h", "y": -0.3, "yanchor": "top", "x": 0}
+    each = [float(v) for curve in figure.curves for v in curve.x]
+    if each and all(v.is_integer() for v in each) and max(each) - min(each) <= 20.0:
+        # Numbers of cases or modes: nothing lies between them.
+        layout["xaxis"].update(dtick=1)
     if figure.log_y:
         layout["yaxis"].update(type="log", exponentformat="power")
     return Drawing(

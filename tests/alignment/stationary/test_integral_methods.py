@@ -12,6 +12,7 @@ from scipy import stats
 
 from schuler.alignment import align, align_without_latitude
 from schuler.alignment.compare import compare, settle_time
+from schuler.alignment.convergence import heading_history
 from schuler.alignment.stationary.integral_methods import FIELD
 from schuler.attitude import euler_to_quat, multiply, quat_to_rotvec
 from schuler.constants import DEG
@@ -106,6 +107,10 @@ def test_comparison():
     assert short.rows[0].heading_deg is None
     assert "settle" in short.rows[0].note
     assert settle_time(align(record, SITE, "centred", FOG)) < 200.0
+    least = min(row.sigma_arcmin for row in found.rows)
+    assert found.within_arcmin == pytest.approx(3.0 * least)
+    assert settle_time(align(record, SITE, "centred", FOG), within=0.5 * least) is None
+    assert "within" in str(found).splitlines()[-1]
     json.dumps(found.to_dict(), allow_nan=False)
     assert found.consistent
     assert all(row.consistent for row in found.rows)
@@ -119,3 +124,47 @@ def test_a_comparison_says_first_what_its_record_contradicts():
     assert (found.consistent, found.rows[0].consistent) == (False, False)
     assert str(found).startswith("INCONSISTENT: the gyros' mean rate")
     assert found.to_dict()["contradictions"] == list(found.contradictions)
+
+
+@pytest.fixture(scope="module")
+def shaken():
+    rng = np.random.default_rng(8)
+    motion = DisturbedVehicle.with_crew(rng, 200.0, heading=30.0)
+    return simulate(motion, SITE, 200.0, 50.0, FOG, rng).record
+
+
+def test_settled_is_the_first_time_from_which_the_heading_stays_in_the_band(shaken):
+    """By the headings of ever longer records, each aligned by itself."""
+    fix = align(shaken, SITE, "centred", FOG)
+    t, heading = heading_history(fix, 25)
+    for end, found in zip(t[2::4], heading[2::4], strict=True):
+        alone = align(shaken.between(None, end), SITE, "centred", FOG)
+        assert alone.heading_deg == pytest.approx(found, abs=0.02 + 0.02 * alone.sigma_arcmin[2])
+    sigma = float(fix.sigma_arcmin[2])
+    for band, middle in ((sigma, None), (3.0 * sigma, None), (3.0 * sigma, 30.0), (90.0, 31.0)):
+        stays = [
+            all(60.0 * abs(heading[k:] - (heading[-1] if middle is None else middle)) <= band)
+            for k in range(len(t))
+        ]
+        wanted = t[stays.index(True)] if any(stays) else None
+        assert settle_time(fix, 25, within=band, heading=middle) == wanted
+    assert settle_time(fix, 25) == settle_time(fix, 25, within=3.0 * sigma)
+
+
+def test_a_filter_settles_when_it_would_have_if_the_record_had_ended(shaken):
+    """The loops begin with what the whole record gave them: their own way settles at once."""
+    fix = align(shaken, SITE, "gyrocompass", FOG)
+    found = settle_time(fix, within=60.0)
+    assert found is None or found >= 40.0
+    assert fix.filter_history.t[0] < 2.0
+
+
+def test_a_comparison_about_the_true_heading(shaken):
+    found = compare(shaken, SITE, FOG, (("centred", "none"),), within=600.0, heading=30.0)
+    assert (found.within_arcmin, found.heading_deg) == (600.0, 30.0)
+    assert found.rows[0].settle_s < 60.0
+    away = compare(shaken, SITE, FOG, (("centred", "none"),), within=600.0, heading=230.0)
+    assert away.rows[0].settle_s is None
+    for bad in ({"within": -1.0}, {"within": float("nan")}, {"heading": float("inf")}):
+        with pytest.raises(InputError):
+            compare(shaken, SITE, FOG, (("centred", "none"),), **bad)

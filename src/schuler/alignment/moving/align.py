@@ -12,6 +12,7 @@ from schuler._blas import with_one_blas_thread
 from schuler.aiding import BodySpeed, BodyVelocity, GnssFixes, ZeroVelocity
 from schuler.aiding.checks import check_speed
 from schuler.alignment.history import History
+from schuler.alignment.moving.beside import Beside, check_names
 from schuler.alignment.moving.fine import FineAlignment, difference, filtered_end, run_pass
 from schuler.alignment.moving.prepared import Prepared, Taken
 from schuler.alignment.moving.result import InMotion, MovingAlignment
@@ -56,7 +57,7 @@ _REFUSED = 0.3
 @with_one_blas_thread
 def align_moving(
     record: ImuRecord,
-    aiding: Aid | BodyVelocity | Sequence[Aid | BodyVelocity | ZeroVelocity],
+    aiding: Aid | BodyVelocity | Sequence[Aid | BodyVelocity | Beside | ZeroVelocity],
     site: Site | None = None,
     spec: ImuSpec | str | Path | None = None,
     *,
@@ -70,8 +71,8 @@ def align_moving(
     ----------
     record : ImuRecord
         What lies before the span shows the gyro bias where the vehicle stood still.
-    aiding : GnssFixes, BodySpeed, BodyVelocity, or a sequence of them and of ZeroVelocity
-        On the record's clock.
+    aiding : GnssFixes, BodySpeed, BodyVelocity, or a sequence of them and of others
+        On the record's clock. HeadingFixes, Height and ZeroVelocity may stand beside them.
     site : Site, optional
         Where the vehicle is at the start of the span; needed without GNSS fixes.
     spec : ImuSpec, str or path, optional
@@ -93,13 +94,15 @@ def align_moving(
     expect(record, ImuRecord, "record", "read a file with schuler.read")
     told = [aiding] if isinstance(aiding, Aid | BodyVelocity) else list(aiding)
     rests = tuple(each for each in told if isinstance(each, ZeroVelocity))
-    given = [each for each in told if not isinstance(each, ZeroVelocity)]
+    beside = [each for each in told if isinstance(each, Beside)]
+    given = [each for each in told if not isinstance(each, ZeroVelocity | Beside)]
     if not given:
         raise InputError("an alignment in motion needs aids: give GnssFixes or a BodySpeed")
     for each in given:
         if not isinstance(each, Aid | BodyVelocity):
             raise InputError(
-                "aiding takes GnssFixes, BodySpeed and BodyVelocity, got "
+                "aiding takes GnssFixes, BodySpeed, BodyVelocity, HeadingFixes, Height and "
+                "ZeroVelocity, got "
                 f"{type(each).__name__}: read a file with schuler.io.read_gnss, read_speed or "
                 "read_dvl"
             )
@@ -122,8 +125,9 @@ def align_moving(
         if isinstance(aid, BodySpeed) and isinstance(leader, GnssFixes):
             check_speed(aid, leader)
     bias, used_spec = bias_at_rest(record, part, leader, instrument)
+    check_names([*aids, *beside])
     prepared = Prepared(
-        part, leader, aids, used_spec, bias, place_at_start(leader, part, site), rests
+        part, leader, [*aids, *beside], used_spec, bias, place_at_start(leader, part, site), rests
     )
     first, rough = prepared.coarse()
     found, taken = prepared.fine(rough, first, vibration)

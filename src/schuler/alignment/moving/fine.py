@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.alignment.moving.beside import Beside
 from schuler.alignment.moving.setup import Aid, Nominal, layout_of, make_filter
 from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
 from schuler.constants import DEG, DEG_PER_HOUR
@@ -246,8 +247,8 @@ def _fits(measured: Sequence[Measurement], layout: Layout, record: ImuRecord) ->
 
 def fine(
     record: ImuRecord, start: Nominal, spec: ImuSpec, vibration: float,
-    measured: Sequence[Measurement], aids: Sequence[Aid], *, nominal: Nominal | None = None,
-    budget: bool = True,
+    measured: Sequence[Measurement], aids: Sequence[Aid | Beside], *,
+    nominal: Nominal | None = None, budget: bool = True,
 ) -> FineAlignment:  # fmt: skip
     """Return the attitude at both ends of a record.
 
@@ -261,7 +262,7 @@ def fine(
     vibration : float
         Least velocity random walk, m/s/sqrt(s).
     measured : sequence of Measurement
-    aids : sequence of GnssFixes or BodySpeed
+    aids : sequence of GnssFixes, BodySpeed, HeadingFixes or Height
         They are from, for their priors.
     nominal : Nominal, optional
         About which the first pass is linear, if not about the prior's mean: the coarse biases.

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.aiding import GnssFixes, ZeroVelocity
+from schuler.aiding import GnssFixes, HeadingFixes, ZeroVelocity
+from schuler.alignment.moving.beside import Beside, turned_to
 from schuler.alignment.moving.fine import FineAlignment, fine
 from schuler.alignment.moving.setup import (
     Aid,
@@ -19,7 +20,7 @@ from schuler.alignment.moving.setup import (
 )
 from schuler.attitude import nearest_quat, quat_to_matrix
 from schuler.earth import Site, radii
-from schuler.in_motion.coarse import CoarseAlignment
+from schuler.in_motion.coarse import ENOUGH, CoarseAlignment
 from schuler.in_motion.start import Span
 from schuler.ins import Measurement
 from schuler.record import ImuRecord, Summariser
@@ -62,7 +63,7 @@ class Prepared:
 
     record: ImuRecord
     leader: Aid
-    aids: list[Aid]
+    aids: list[Aid | Beside]
     spec: ImuSpec
     bias: Array
     site: Site
@@ -70,7 +71,15 @@ class Prepared:
 
     def coarse(self) -> tuple[Aid, CoarseAlignment]:
         """Return the leader's measurements in the span, and the attitude at the start."""
-        return Span(self.record, self.leader, self.spec, self.bias, self.site).coarse()
+        span = Span(self.record, self.leader, self.spec, self.bias, self.site)
+        headings = [each for each in self.aids if isinstance(each, HeadingFixes)]
+        if not headings:
+            return span.coarse()
+        # What the motion does not show of the heading, the fixes say.
+        cut, found = span.coarse(np.inf)
+        if found.heading_sigma > ENOUGH:
+            found = turned_to(found, headings[0], self.record, self.bias)
+        return cut, found
 
     def nominal(self, rough: CoarseAlignment) -> Nominal:
         """Return where the filter starts: the first measurement, and the coarse attitude."""
@@ -111,7 +120,7 @@ class Prepared:
         self, rough: CoarseAlignment, cut: Aid, vibration: float | None
     ) -> tuple[FineAlignment, Taken]:
         """Return the filter's result with the noise that its innovations agree with."""
-        aids: list[Aid] = [cut if aid is self.leader else aid for aid in self.aids]
+        aids: list[Aid | Beside] = [cut if aid is self.leader else aid for aid in self.aids]
         measured = measurements(aids, self.record) + at_rest(self.rests, self.record)
         start = self.nominal(rough)
         # A coarse gyro turns by degrees within the span: linear is what the coarse stage left.

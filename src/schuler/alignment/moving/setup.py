@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from schuler.aiding import BodySpeed, GnssFixes
 from schuler.aiding import BodyVelocity as BodyVelocityAid
 from schuler.aiding import ZeroVelocity as RestSpans
+from schuler.alignment.moving.beside import Beside, offset_noise, offset_priors, rows_beside
 from schuler.attitude import quat_to_matrix, rotvec_to_quat
 from schuler.constants import DEG
 from schuler.earth import Site
@@ -115,11 +116,16 @@ class Nominal:
         return Site(self.lat / DEG, self.lon / DEG, self.height)
 
 
-def measurements(aids: Sequence[Aid], record: ImuRecord, *, gate: bool = True) -> list[Measurement]:
+def measurements(
+    aids: Sequence[Aid | Beside], record: ImuRecord, *, gate: bool = True
+) -> list[Measurement]:
     """Return what the filter takes of the aids within a record."""
     handling = Handling(gate=_GATE if gate else None, source="aiding")
     out: list[Measurement] = []
     for aid in aids:
+        if isinstance(aid, Beside):
+            out.append(rows_beside(aid, record, handling))
+            continue
         time = np.asarray(aid.time)
         inside = (time >= record.start - 1e-9) & (time <= record.end + 1e-9)
         if isinstance(aid, GnssFixes):
@@ -183,7 +189,10 @@ def layout_of(spec: ImuSpec, measured: Sequence[Measurement]) -> Layout:
 
 
 def prior_sigma(
-    layout: Layout, spec: ImuSpec, aids: Sequence[Aid], diffuse: dict[str, Any] | None = None
+    layout: Layout,
+    spec: ImuSpec,
+    aids: Sequence[Aid | Beside],
+    diffuse: dict[str, Any] | None = None,
 ) -> Array:
     """Return 1-sigma (n,) of each state before anything is measured."""
     sigma: dict[str, Any] = {**instrument_prior(layout, spec), **(diffuse or DIFFUSE)}
@@ -191,6 +200,7 @@ def prior_sigma(
         matrix = np.full((3, 3), errors.misalignment)
         np.fill_diagonal(matrix, max(errors.scale_factor, _LEAST_SCALE))
         sigma[f"{sensor}_matrix"] = matrix.ravel()
+    sigma |= offset_priors(aids)
     scales = {aid.name: aid.scale_sigma for aid in aids if isinstance(aid, BodySpeed)}
     out = np.zeros(layout.size)
     for group in layout:
@@ -221,7 +231,7 @@ def process_noise(
 
 def make_filter(
     nominal: Nominal, spec: ImuSpec, vibration: float, measured: Sequence[Measurement],
-    aids: Sequence[Aid], *, error_state: Array | float = 0.0, budget: bool = False,
+    aids: Sequence[Aid | Beside], *, error_state: Array | float = 0.0, budget: bool = False,
     smooth: bool = False,
 ) -> ErrorStateFilter:  # fmt: skip
     """Return a filter that starts at a nominal with the diffuse prior, without feedback."""
@@ -231,7 +241,7 @@ def make_filter(
     span = float(time.max() - time.min())
     return ErrorStateFilter(
         layout, nominal.site, nominal.quat_nb, covariance,
-        process_noise(layout, spec, vibration, span), measured, v_n=nominal.v_n,
+        process_noise(layout, spec, vibration, span, offset_noise(aids)), measured, v_n=nominal.v_n,
         error_state=error_state, parameters=nominal.parameters, feedback=False, budget=budget,
         smooth=smooth, keep_history=True,
     )  # fmt: skip
