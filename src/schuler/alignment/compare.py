@@ -285,16 +285,19 @@ def compare(
     while left:
         # All that filter and track the record alike share one pass over it.
         first = Aligner(site, methods[left[0]], spec)
-        groups.append({k: methods[k] for k in left if first.shares_pass(methods[k])})
-        left = [k for k in left if k not in groups[-1]]
+        group = [k for k in left if first.shares_pass(methods[k])]
+        left = [k for k in left if k not in group]
+        # Without a prefilter a pass costs little beside what follows: processes share that.
+        parts = workers if methods[group[0]].prefilter is None else 1
+        groups += [{k: methods[k] for k in group[i::parts]} for i in range(min(parts, len(group)))]
     jobs = [(record, site, spec, repeat, group, tuple(pairs)) for group in groups]
-    for group, found in zip(groups, each(_compare_group, jobs, workers), strict=True):
+    for part, found in zip(groups, each(_compare_group, jobs, workers), strict=True):
         rows.update(found.rows)
         said.update(found.contradictions)
         limits += found.limits
         histories |= found.histories
         if progress is not None:
-            for k in group:
+            for k in part:
                 progress(", ".join(name for name in pairs[k] if name != "none"))
     sigmas = {k: row.sigma_arcmin for k, row in rows.items() if row.sigma_arcmin is not None}
     if within is None:
