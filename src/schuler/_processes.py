@@ -6,8 +6,10 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from concurrent.futures import ProcessPoolExecutor
 
 __all__ = ["ONE_THREAD", "cores", "each", "start", "worker_pool"]
 
@@ -45,6 +47,7 @@ def start() -> None:
 
 def worker_pool(count: int) -> ProcessPoolExecutor:
     """Return a pool of worker processes, which `start` has prepared."""
+    from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
     # Forked processes would inherit locks of the threads that Arrow has started.

@@ -15,7 +15,7 @@ from schuler._blas import with_one_blas_thread
 from schuler._processes import each
 from schuler._result import Result, table_of_rows
 from schuler.alignment.aligner import Aligner
-from schuler.alignment.convergence import heading_history
+from schuler.alignment.convergence import Parts, heading_history
 from schuler.alignment.method import Method
 from schuler.alignment.methods import (
     METHODS,
@@ -289,7 +289,9 @@ def compare(
         left = [k for k in left if k not in group]
         # Without a prefilter a pass costs little beside what follows: processes share that.
         parts = workers if methods[group[0]].prefilter is None else 1
-        groups += [{k: methods[k] for k in group[i::parts]} for i in range(min(parts, len(group)))]
+        size = -(-len(group) // parts)
+        cuts = range(0, len(group), size)
+        groups += [{k: methods[k] for k in group[i : i + size]} for i in cuts]
     jobs = [(record, site, spec, repeat, group, tuple(pairs)) for group in groups]
     for part, found in zip(groups, each(_compare_group, jobs, workers), strict=True):
         rows.update(found.rows)
@@ -346,6 +348,7 @@ def _compare_group(
     begin = time.perf_counter()
     error = ""
     windows: list[Aligner] = []
+    parts: Parts = {}
     try:
         whole.update(record).prepared()
     except SchulerError as refused:
@@ -370,7 +373,7 @@ def _compare_group(
             out.limits.append(float(fix.limit_arcmin[2]))
         # Windows are judged by the heading at their start: the vehicle may have moved.
         at = "end" if name in ("gyrocompass", "kalman-large") else "start"
-        out.histories[k] = heading_history(fix, _points(fix))
+        out.histories[k] = heading_history(fix, _points(fix), parts)
         out.rows[k] = Row(
             name, filter_name, fix.heading_deg, float(fix.sigma_arcmin[2]), None,
             _spread(windows, method, at), seconds, f"chose {fix.method}" if name == "auto" else "",

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.gravity_uncertainty import deflection_covariance
+from schuler.alignment.history import History
 from schuler.alignment.method import Problem
 from schuler.alignment.result import Alignment
 from schuler.alignment.stationary.inertial import MINIMUM_ROWS
@@ -76,16 +77,22 @@ def convergence(fix: Alignment, points: int = 60) -> Convergence:
     return Convergence(t, heading, sigma_arcmin)
 
 
-def heading_history(fix: Alignment, points: int = 60) -> tuple[Array, Array]:
+Parts = dict[tuple[History, int], History]
+"""Beginnings of histories, by the history and the number of its last instant."""
+
+
+def heading_history(
+    fix: Alignment, points: int = 60, parts: Parts | None = None
+) -> tuple[Array, Array]:
     """Return time used (k,), s, and heading (k,), deg, if the record had ended then.
 
     Without the uncertainties, which cost more than the headings. A filter is run on each part anew:
     on its way through the whole record it knows from the start what the whole record gave it to
-    begin with.
+    begin with. Methods that are given the same `parts` share what is found of each part.
     """
     method = fix.method.with_prefilter(None)
     found: list[tuple[float, float]] = []
-    for problem in _ever_longer(fix, points):
+    for problem in _ever_longer(fix, points, parts):
         try:
             attitude = method.attitude(problem)
         except InputError:
@@ -97,19 +104,18 @@ def heading_history(fix: Alignment, points: int = 60) -> tuple[Array, Array]:
     return t, heading
 
 
-def _ever_longer(fix: Alignment, points: int) -> list[Problem]:
+def _ever_longer(fix: Alignment, points: int, parts: Parts | None = None) -> list[Problem]:
     """Return the problems of ever longer parts of the record, the last of the whole."""
     h = fix.history
+    parts = {} if parts is None else parts
     wanted = np.geomspace(0.01 * h.duration, h.duration, points)
     rows = np.unique(np.clip(np.searchsorted(h.t, wanted - 1e-9), MINIMUM_ROWS, len(h) - 1))
     at_end = fix.at == "end"
-    return [
-        Problem(
-            h if row == len(h) - 1 else h.until(int(row)), fix.site, fix.spec, at_end, None,
-            _no_samples,
-        )
-        for row in rows
-    ]  # fmt: skip
+    out = []
+    for row in (int(row) for row in rows):
+        part = h if row == len(h) - 1 else parts.setdefault((h, row), h.until(row))
+        out.append(Problem(part, fix.site, fix.spec, at_end, None, _no_samples))
+    return out
 
 
 def _no_samples() -> ImuRecord:

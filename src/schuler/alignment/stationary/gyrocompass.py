@@ -109,7 +109,6 @@ def compass_alignment(
     levels = disturbance_levels(residual(h, site), g, spec, h.sampling_faults).mean
     _, place, _ = vehicle_motion(h, r, site, 1.0)
     _, c, b, a = levels
-    white = np.zeros(5)
     names = ("start", "gyro_angle_random_walk", "accelerometer_velocity_random_walk", "disturbance")
     parts = {name: np.zeros((5, 5)) for name in names}
     parts["start"] = np.diag(_START**2)
@@ -121,29 +120,30 @@ def compass_alignment(
     put[:3, :3] = -np.eye(3)
     put[3:, 3:5] = np.eye(2)
     step = 1.0
-    sigma = []
-    for k in range(round(h.duration / step)):
-        now = gains[0] if k * step < first else gains[1]
+    none, both = np.zeros(3), np.zeros(2)
+    stages = []
+    for now in gains:
         system = _system(now, g, rate)
-        phi = expm(system * step)
-        middle = expm(0.5 * system * step)
+        phi, middle = expm(system * step), expm(0.5 * system * step)
         # The vehicle's velocity goes in where the velocity's error does.
         seen = np.zeros((5, 2))
         seen[1, 0], seen[3, 0] = now[4], -now[3]
         seen[0, 1], seen[2, 1], seen[4, 1] = -now[1], now[2], -now[0]
+        put_in = {
+            "gyro_angle_random_walk": np.diag([*(none + gyro**2), *both]),
+            "accelerometer_velocity_random_walk": np.diag([*none, *(both + accel**2)]),
+            "disturbance": np.diag([*(none + a), *(both + b)]) + c * seen @ seen.T,
+        }
+        noise = {name: middle @ each @ middle.T * step for name, each in put_in.items()}
+        stages.append((phi, middle @ put * step, noise, seen))
+    sigma = []
+    for k in range(round(h.duration / step)):
+        phi, bias_in, noise, seen = stages[0] if k * step < first else stages[1]
         for name in names:
-            white[:] = 0.0
-            extra = np.zeros((5, 5))
-            if name == "gyro_angle_random_walk":
-                white[:3] = gyro**2
-            elif name == "accelerometer_velocity_random_walk":
-                white[3:] = accel**2
-            elif name == "disturbance":
-                white[:3], white[3:] = a, b
-                extra = c * seen @ seen.T
-            noise = middle @ (np.diag(white) + extra) @ middle.T * step
-            parts[name] = phi @ parts[name] @ phi.T + noise
-        answer = phi @ answer + middle @ put * step
+            parts[name] = phi @ parts[name] @ phi.T
+            if name in noise:
+                parts[name] += noise[name]
+        answer = phi @ answer + bias_in
         sigma.append(np.sqrt(np.diag(sum(parts.values(), np.zeros((5, 5))))[:3]))
     # What the last displacement has put in has not averaged out yet.
     parts["disturbance"] += place * seen @ seen.T
@@ -156,8 +156,13 @@ def compass_alignment(
         )
     rows = np.searchsorted(steps.time, h.start + step * np.arange(1, len(sigma) + 1) - 1e-9)
     rows = np.minimum(rows, len(steps) - 1)
-    none = np.zeros((len(rows), 3))
+    nothing = np.zeros((len(rows), 3))
     passed = FilterHistory(
-        out[rows, 0] - h.start, out[rows, 1:], np.array(sigma), none, none, np.zeros(len(rows))
-    )
+        out[rows, 0] - h.start,
+        out[rows, 1:],
+        np.array(sigma),
+        nothing,
+        nothing,
+        np.zeros(len(rows)),
+    )  # fmt: skip
     return KalmanResult(attitude, budget, np.zeros(6), np.zeros((6, 6)), passed, 0, 0)
