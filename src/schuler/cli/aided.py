@@ -35,7 +35,7 @@ _KEYS = (
     "gnss", "gnss_sigma", "gnss_height", "gnss_topic", "lever", "delay", "odometer",
     "odometer_scale", "wheels", "odometer_lever", "nhc_lever", "dvl",
     "dvl_frame", "dvl_lever", *BESIDE, "aid_topic", "time_offset", "nhc", "zupt", "scale_states",
-    "axes_states", "clock_drift", "estimate", "smooth", "outage", "vibration", "robust",
+    "axes_states", "clock_drift", "estimate", "smooth", "outage", "vibration", "robust", "adaptive",
 )  # fmt: skip
 _OFFSETS = ("gnss", "odometer", "dvl", "height", "heading")
 
@@ -134,6 +134,10 @@ def aiding_options(function: Any) -> Any:
         ),
         click.option(
             "--robust", type=click.Choice(["huber", "igg3"]), help="Weigh down single rows."
+        ),
+        click.option(
+            "--adaptive", type=Number(0.0, 0.9), metavar="SHARE",
+            help="Share of an aid's noise learned anew from each fix (0.02); never below the stated.",
         ),
     ]  # fmt: skip
     for option in reversed(options):
@@ -258,7 +262,8 @@ def navigate_with_aids(
     chosen = AidingOptions(
         non_holonomic=aids["nhc"], constraint_lever=axle, zero_velocity=aids["zupt"],
         scale=aids["scale_states"], axes=aids["axes_states"], robust=aids["robust"],
-        smooth=aids["smooth"], clock_drift=1e-6 * (aids["clock_drift"] or 0.0), **more,
+        smooth=aids["smooth"], clock_drift=1e-6 * (aids["clock_drift"] or 0.0),
+        adaptive=aids["adaptive"] or 0.0, **more,
     )  # fmt: skip
     begin, end = options.pop("start"), options.pop("stop")
     source, finish = open_file(options)

@@ -62,6 +62,7 @@ _PLACES: dict[str, dict[str, str]] = {
     "aids": {"time_offset": "time_offset", "topic": "aid_topic"},
     "filter": {key: key for key in (
         "nhc", "nhc_lever", "zupt", "estimate", "smooth", "outage", "robust", "clock_drift",
+        "adaptive",
     )},
     "output": {
         "every": "every", "at": "at", "out": "out_to", "format": "out_format",

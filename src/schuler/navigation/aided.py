@@ -132,7 +132,7 @@ def navigate_aided(
     used, withheld = (gnss, None) if outages is None else outages.divide(gnss, record.start)
     known = [aid for aid in aids if isinstance(aid, AIDS)]
     own = [aid for aid in aids if not isinstance(aid, AIDS)]
-    handling = Handling(gate=GATE, robust=options.robust)
+    handling = Handling(gate=GATE, robust=options.robust, adaptive=options.adaptive)
     added = groups_of(own)
     own_noise = {name: group.noise for name, group in added.items()}
     priors: dict[str, Any] = {

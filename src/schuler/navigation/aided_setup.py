@@ -133,7 +133,7 @@ def fix_measurements(
     rests: Rests, options: AidingOptions, bias: Array, delays: dict[str, float],
 ) -> list[Measurement]:  # fmt: skip
     """Return the measurements of the filter; fixes at the times at which they are valid."""
-    handling = Handling(gate=GATE, robust=options.robust)
+    handling = Handling(gate=GATE, robust=options.robust, adaptive=options.adaptive)
     out: list[Measurement] = []
     # Position and velocity share the lever arm; a receiver filters its velocity, which is later.
     common: dict[str, Any] = {

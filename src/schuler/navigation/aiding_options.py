@@ -45,6 +45,9 @@ class AidingOptions:
         1-sigma of the rate by which the clocks of record and aids drift apart, s/s: an estimated
         delay is a random walk that reaches so much times the record's length.
     robust : {None, "huber", "igg3"}
+    adaptive : float
+        Part of an aid's noise that is learned anew from each of its innovations, never below the
+        stated one (Sage and Husa, 1969); 0 is off.
     smooth : bool
         Smooth afterwards.
     longest_interval : float
@@ -70,5 +73,6 @@ class AidingOptions:
     vibration: float = VIBRATION
     clock_drift: float = 0.0
     robust: str | None = None
+    adaptive: float = 0.0
     smooth: bool = False
     longest_interval: float = 1.0
