@@ -137,7 +137,8 @@ def aiding_options(function: Any) -> Any:
         ),
         click.option(
             "--adaptive", type=Number(0.0, 0.9), metavar="SHARE",
-            help="Share of an aid's noise learned anew from each fix (0.02); never below the stated.",
+            help="Share of an aid's noise learned anew from each fix (0.02), never below that "
+            "stated.",
         ),
     ]  # fmt: skip
     for option in reversed(options):
