@@ -182,7 +182,9 @@ def test_an_interrupt_while_it_loads_is_one_sentence():
 
 def test_an_interrupt_in_a_finaliser_stops_the_command_as_well():
     code = (
-        "import sys, types\n"
+        "import signal, sys, types\n"
+        # A process that was started in the background may have been told to ignore Ctrl-C.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "class Held:\n"
         "    def __del__(self):\n"
         "        raise KeyboardInterrupt\n"
