@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import IO
 
@@ -15,7 +15,10 @@ from schuler.io.content import Array, Block
 from schuler.io.limits import ROW_BYTES, available_memory
 from schuler.record import ImuRecord, Quality
 
-__all__ = ["Whole", "prefetch", "readable"]
+__all__ = ["Whole", "pieces", "prefetch", "readable"]
+
+_FEW = 64
+"""Samples that are no piece of their own."""
 
 
 class Whole:
@@ -104,6 +107,25 @@ def prefetch(blocks: Iterator[Block]) -> Iterator[Block]:
         close = getattr(blocks, "close", None)
         if close is not None:
             close()
+
+
+def pieces(records: Iterable[ImuRecord], size: int) -> Iterator[ImuRecord]:
+    """Yield records cut to at most `size` samples, without pieces of a few at an end.
+
+    The last rows of a file, which wait for none to follow, so belong to the piece before them.
+    """
+    held: ImuRecord | None = None
+    for record in records:
+        for piece in record.chunks(size):
+            if held is None:
+                held = piece
+            elif len(piece) <= _FEW and len(held) + len(piece) <= size:
+                held = ImuRecord.concatenate([held, piece])
+            else:
+                yield held
+                held = piece
+    if held is not None:
+        yield held
 
 
 def readable(file: IO[bytes], seconds: float) -> bool:

@@ -16,7 +16,7 @@ from schuler.io.apart import with_accelerometers
 from schuler.io.axes import Axes
 from schuler.io.clock import Clock, timed
 from schuler.io.content import Content, wrapped
-from schuler.io.flow import Whole, prefetch
+from schuler.io.flow import Whole, pieces, prefetch
 from schuler.io.gyro_array import compare_gyros, say_gyros
 from schuler.io.join import alternates, join, split_rows
 from schuler.io.mapping import Mapping
@@ -34,7 +34,6 @@ __all__ = ["Source"]
 log = getLogger("schuler.io")
 
 _POLL = 0.2
-_FEW = 64
 
 
 class Source:
@@ -219,21 +218,13 @@ class Source:
         self._intake = intake = self._new_intake(self._content)
         try:
             empty = True
-            # The last rows, which wait for none to follow, belong to the piece before them.
-            held: ImuRecord | None = None
-            for record in self._records(intake, span):
-                part = record.between(span.start, span.stop) if span.limited else record
-                empty = empty and not len(part)
-                for piece in part.chunks(size):
-                    if held is None:
-                        held = piece
-                    elif len(piece) <= _FEW and len(held) + len(piece) <= size:
-                        held = ImuRecord.concatenate([held, piece])
-                    else:
-                        yield held
-                        held = piece
-            if held is not None:
-                yield held
+            parts = (
+                record.between(span.start, span.stop) if span.limited else record
+                for record in self._records(intake, span)
+            )
+            for piece in pieces(parts, size):
+                empty = False
+                yield piece
             lost = intake.quality()
             if empty and lost.rows and lost.not_finite == lost.rows:
                 raise InputError(
