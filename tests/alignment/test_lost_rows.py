@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schuler import Site
+from schuler import Aligner, Site
 from schuler.alignment import align
 from schuler.motion import DisturbedVehicle, Static
 from schuler.record import ImuRecord
@@ -84,3 +84,16 @@ def test_one_lost_row_of_a_moving_base_costs_nothing():
         spoilt.append(off(other, made.heading_deg()))
     change = np.sqrt(np.mean(np.square(np.subtract(spoilt, whole))))
     assert change < 0.1 * np.sqrt(np.mean(np.square(whole)))
+
+
+def test_what_was_lost_is_known_after_a_restart():
+    """A saved aligner gives the sigma of the one that was saved: 2 % of the rows are lost."""
+    spec, rng = load_spec("navigation-fog"), np.random.default_rng(1)
+    motion = DisturbedVehicle.draw(rng, 60.0, heading=30.0)
+    record = simulate(motion, SITE, 60.0, 50.0, spec, rng).record
+    record = without(record, rng.choice(np.arange(100, 2900), 60, replace=False))
+    one = Aligner(SITE, spec=spec).update(record)
+    other = one.fresh()
+    other.restore(one.arrays())
+    assert one.history().sampling_faults
+    assert np.array_equal(other.solution().covariance, one.solution().covariance)

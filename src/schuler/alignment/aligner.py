@@ -220,7 +220,7 @@ class Aligner:
             "tracker": self._state.data.copy(),
             "tracker_nodes": self._nodes[: int(self._state.nodes)].copy(),
             "tracker_tail": np.stack(self._tail),
-            "tracker_setting": np.array([self._subsamples, *self._flags]),
+            "tracker_setting": np.array([self._subsamples, *self._flags, self._sampling_faults]),
             **self._summariser.arrays(),
         }
 
@@ -253,6 +253,7 @@ class Aligner:
         self._tail = (arrays["tracker_tail"][0], arrays["tracker_tail"][1])
         setting = arrays["tracker_setting"]
         self._subsamples, self._flags = int(setting[0]), (float(setting[1]), float(setting[2]))
+        self._sampling_faults = bool(setting[3])
         self._name = name
         self._summariser.restore(arrays)
         self._pass = _Pass()

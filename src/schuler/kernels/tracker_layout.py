@@ -41,6 +41,7 @@ class TrackerSetting(View):
 
     subsamples = Field(low=0.0, high=4.0, whole=True)
     corrections = Field(2, low=0.0, high=1.0, whole=True)  # coning, sculling
+    sampling_faults = Field(low=0.0, high=1.0, whole=True)
 
 
 _TAIL = Field(4, low=-TIME, high=TIME)
