@@ -64,6 +64,8 @@ class GnssFixes:
         A fix stamped t is valid at t - delay, s.
     estimate : tuple of str
         Which of "lever" and "delay" are estimated.
+    delay_sigma : float
+        1-sigma of a delay that is estimated, before anything is measured, s.
     name : str
     dropped : mapping of str to int
         Rows that were left out, by reason.
@@ -102,6 +104,7 @@ class GnssFixes:
     lever: ArrayLike = (0.0, 0.0, 0.0)
     delay: float = 0.0
     estimate: tuple[str, ...] = ()
+    delay_sigma: float = field(default=0.3, kw_only=True)
     name: str = "gnss"
     dropped: Mapping[str, int] = field(default_factory=dict)
     clock: str = "unstated"
@@ -144,6 +147,10 @@ class GnssFixes:
         if not (np.isfinite(self.delay) and abs(self.delay) < 10.0):
             raise InputError(f"{self.name}: a delay is less than 10 s, got {self.delay}")
         dropped = dict(self.dropped)
+        if not 0.0 < self.delay_sigma < 10.0:
+            raise InputError(
+                f"{self.name}: 1-sigma of a delay is above 0 and below 10 s, got {self.delay_sigma}"
+            )
         keep = _usable(columns, dropped)
         order = np.flatnonzero(keep)
         late = int(np.sum(np.diff(time[order]) < 0.0))

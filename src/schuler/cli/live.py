@@ -15,12 +15,21 @@ import click
 from schuler.cli.command import CONTRADICTED, Command, echo
 from schuler.cli.common import gravity_options, say_warnings, site_options, site_or_none
 from schuler.cli.completion import methods, prefilters, specs
+from schuler.cli.live_aids import (
+    aid_counts,
+    feed_aids,
+    live_aid_options,
+    live_aids_taken,
+    mixed,
+    moving_session,
+)
 from schuler.cli.parameters import Count, InputFile, OutputFile, Seconds
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.alignment import Alignment
     from schuler.alignment.session import LiveSession, SpanFix
+    from schuler.io.live_sources import LiveSource
 
 __all__ = ["command"]
 
@@ -80,6 +89,7 @@ _ENOUGH = 10_000
     help="Begin anew if the checkpoint is refused; it is kept as FILE.refused.",
 )
 @click.option("--json", "json_to", is_flag=True, help="One JSON object a line on standard output.")
+@live_aid_options
 def command(**options: Any) -> int:
     """Align samples as they come from SOURCE: udp:PORT, udp:HOST:PORT, serial:DEVICE or -.
 
@@ -96,15 +106,17 @@ def command(**options: Any) -> int:
       schuler live udp:5005 --lat 34.2 --spec navigation-fog --checkpoint north.npz
       schuler live udp:0.0.0.0:5005 --lat 34.2 --from 192.168.0.7 --key-file imu.key
       cat /dev/ttyUSB0 | schuler live - --lat 34.2 --kind rates --json
+      schuler live udp:5005 --gnss udp:5006 --imu-time utc --spec tactical-fog
     """  # noqa: D301
     from schuler.alignment.methods import parse_method
     from schuler.alignment.session import LiveSession
-    from schuler.io.live_sources import check_sender, open_live_source
+    from schuler.io.live_sources import check_sender
     from schuler.io.packets import read_key
     from schuler.prefilter import parse_prefilter
 
-    site = site_or_none(options)
-    if site is None:
+    aids = live_aids_taken(options)
+    site = None if aids is not None else site_or_none(options)
+    if site is None and aids is None:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
     source, checkpoint, lines = options["source"], options["checkpoint"], options["json_to"]
     every, idle = options["every"], options["idle"]
@@ -112,17 +124,24 @@ def command(**options: Any) -> int:
         raise InputError("--cold-start is about a checkpoint: say --checkpoint")
     sender = None if options["sender"] is None else check_sender(options["sender"], source)
     key = None if options["key_file"] is None else read_key(options["key_file"])
-    method: Any = options["method"]
-    if options["prefilter"] is not None:
-        method = parse_method(method).with_prefilter(parse_prefilter(options["prefilter"]))
-    session = LiveSession(
-        site, options["kind"], method, options["spec"], depth=options["depth"],
-        max_gap=options["max_gap"], key=key, only=sender, checkpoint=checkpoint,
-        cold_start=options["cold_start"],
-    )  # fmt: skip
+    session: LiveSession
+    if site is None:
+        assert aids is not None
+        session = moving_session(options, aids, key, sender)
+    else:
+        method: Any = options["method"]
+        if options["prefilter"] is not None:
+            method = parse_method(method).with_prefilter(parse_prefilter(options["prefilter"]))
+        session = LiveSession(
+            site, options["kind"], method, options["spec"], depth=options["depth"],
+            max_gap=options["max_gap"], key=key, only=sender, checkpoint=checkpoint,
+            cold_start=options["cold_start"],
+        )  # fmt: skip
     _say_notes(session)
     session.warm_up()
-    with open_live_source(source, options["baud"]) as stream, _interruptions() as interruptions:
+    with (
+        _opened(source, options["baud"], aids) as stream, _interruptions() as interruptions
+    ):  # fmt: skip
         if stream.real_time:
             echo(f"note: listening on {stream.name}", err=True)
         screen = _Screen() if sys.stdout.isatty() and not lines else None
@@ -131,9 +150,12 @@ def command(**options: Any) -> int:
         with screen or nullcontext():
             for chunk in stream.chunks:
                 now = clock.monotonic()
-                if chunk.data:
+                if chunk.second:
+                    feed_aids(session, chunk)
+                elif chunk.data:
                     before = session.packets
-                    session.feed(chunk.data, chunk.address, now if stream.real_time else None)
+                    arrived = now if chunk.arrived is None else chunk.arrived
+                    session.feed(chunk.data, chunk.address, arrived if stream.real_time else None)
                     heard = now if session.packets > before else heard
                 if interruptions or (idle is not None and now - heard > idle):
                     break
@@ -172,6 +194,21 @@ def command(**options: Any) -> int:
         say_warnings(best.alignment.warnings)
     say_warnings(contradictions)
     return CONTRADICTED if contradictions else 0
+
+
+def _opened(source: str, baud: int, aids: dict[str, Any] | None) -> LiveSource:
+    """Return the source of samples, and of fixes where they have one of their own."""
+    from schuler.io.live_sources import merged, open_live_source
+
+    stream = open_live_source(source, baud)
+    if aids is None or mixed(source, aids["gnss"]):
+        return stream
+    try:
+        other = open_live_source(aids["gnss"], aids["gnss_baud"] or 9600)
+    except InputError:
+        stream.close()
+        raise
+    return merged(stream, other)
 
 
 @contextmanager
@@ -213,6 +250,7 @@ def _line(session: LiveSession, fix: SpanFix, contradictions: list[str]) -> None
     data = {
         **fix.alignment.to_dict(), "schema": "schuler.live/1", "counts": session.counts(),
         "span": fix.span, "spans": session.spans, "contradictions": contradictions,
+        **aid_counts(session),
     }  # fmt: skip
     echo(json.dumps(data, allow_nan=False))
     sys.stdout.flush()

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler.constants import STAMP_ROUNDING
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.ins.custom import CustomMeasurement, custom_rows, custom_table
@@ -24,7 +25,7 @@ __all__ = ["ErrorStateFilter"]
 
 Array = NDArray[np.float64]
 
-_LATE = 1e-9
+_LATE = STAMP_ROUNDING
 """A measurement may be so much before the last sample, s: a rounding."""
 
 
@@ -349,6 +350,11 @@ class ErrorStateFilter(FilterState):
             rows[:, kernel.M_TIME], rows[:, first + kernel.D_INNOVATION :][:, :3],
             rows[:, first + kernel.D_SIGMA :][:, :3], rows[:, first + kernel.D_WEIGHT],
         )  # fmt: skip
+
+    def forget_outputs(self) -> None:
+        """Forget what was estimated and measured at all epochs so far: memory stays constant."""
+        for kept in self._outputs[:2]:
+            kept.clear()
 
     def smoothed(self) -> Smoothed:
         """Return the fixed-interval smoother's estimates at the start and at all epochs.

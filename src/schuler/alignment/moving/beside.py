@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from schuler.aiding import HeadingFixes, Height
 from schuler.attitude import quat_to_matrix, rotvec_to_quat
+from schuler.constants import STAMP_ROUNDING
 from schuler.errors import InputError
 from schuler.in_motion.coarse import CoarseAlignment
 from schuler.ins import GroupNoise, Handling, Measurement
@@ -52,7 +53,7 @@ def rows_beside(aid: Beside, record: ImuRecord, handling: Handling) -> Measureme
         If none lies within it.
     """
     time = np.asarray(aid.time)
-    within = (time > record.start + 1e-9) & (time <= record.end + 1e-9)
+    within = (time > record.start + STAMP_ROUNDING) & (time <= record.end + STAMP_ROUNDING)
     if not within.any():
         raise InputError(
             f"{aid.name}: none of its times lies within the span, from t = {record.start:.9g} to "
@@ -105,12 +106,14 @@ def turned_to(
         If no heading lies within the span.
     """
     time = np.asarray(fixes.time)
-    pick = np.flatnonzero((time >= record.start - 1e-9) & (time <= record.end + 1e-9))[:_FIRST]
+    pick = np.flatnonzero(
+        (time >= record.start - STAMP_ROUNDING) & (time <= record.end + STAMP_ROUNDING)
+    )[:_FIRST]
     if not len(pick):
         raise InputError(f"{fixes.name}: none of its times lies within the span")
     bias = gyro_bias + found.gyro_bias
     still = replace(record, dtheta=record.dtheta - bias * record.dt[:, None])
-    rows = np.minimum(np.searchsorted(record.time, time[pick] - 1e-9), len(record) - 1)
+    rows = np.minimum(np.searchsorted(record.time, time[pick] - STAMP_ROUNDING), len(record) - 1)
     mats = found.mat_nb @ quat_to_matrix(held_frame(still)[rows])
     along = mats @ np.asarray(fixes.baseline, np.float64)
     seen = np.arctan2(along[:, 0], along[:, 1])

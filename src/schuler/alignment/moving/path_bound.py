@@ -19,7 +19,7 @@ from schuler.aiding import GnssFixes, ZeroVelocity
 from schuler.alignment.moving.fine import filtered_end
 from schuler.alignment.moving.setup import Aid, Nominal, at_rest, make_filter, measurements
 from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec
-from schuler.constants import ARCMIN
+from schuler.constants import ARCMIN, STAMP_ROUNDING
 from schuler.earth import earth_rate, gravity, transport_rate
 from schuler.errors import InputError
 from schuler.ins import ErrorStateFilter
@@ -198,13 +198,15 @@ def limits_on(
     samples = record_on(path) if record is None else record
     for aid in aids:
         time = np.asarray(aid.time)
-        if not np.any((time >= samples.start - 1e-9) & (time <= samples.end + 1e-9)):
+        if not np.any(
+            (time >= samples.start - STAMP_ROUNDING) & (time <= samples.end + STAMP_ROUNDING)
+        ):
             raise InputError(
                 f"{aid.name}: no measurement lies on the path, which goes from t = "
                 f"{samples.start:.9g} to {samples.end:.9g} s"
             )
     measured = measurements(aids, samples, gate=False) + at_rest(rests, samples)
-    k = int(np.searchsorted(path.time, samples.start - 1e-9))
+    k = int(np.searchsorted(path.time, samples.start - STAMP_ROUNDING))
     nominal = Nominal(
         float(path.lat[k]), float(path.lon[k]), float(path.height[k]), path.known("quat_nb")[k],
         path.known("v_n")[k], {},
@@ -222,8 +224,8 @@ def limits_on(
         )
     out, done = [], None
     for each in wanted:
-        flt.update(samples.between(done, samples.start + each + 1e-9))
-        done = samples.start + each + 1e-9
+        flt.update(samples.between(done, samples.start + each + STAMP_ROUNDING))
+        done = samples.start + each + STAMP_ROUNDING
         out.append(_limit_now(flt, samples.start))
     return out
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from schuler.aiding import BodySpeed, GnssFixes, find_rest, no_overlap
 from schuler.alignment.moving.setup import Aid
-from schuler.constants import DEG, DEG_PER_HOUR
+from schuler.constants import DEG, DEG_PER_HOUR, STAMP_ROUNDING
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.in_motion.rotation import LEAST_ROWS
@@ -44,7 +44,7 @@ def cut_span(record: ImuRecord, span: tuple[float | None, float | None] | None) 
 def common_span(record: ImuRecord, leader: Aid) -> ImuRecord:
     """Return the samples from the first measurement on."""
     time = np.asarray(leader.time) - getattr(leader, "delay", 0.0)
-    inside = (time >= record.start - 1e-9) & (time <= record.end + 1e-9)
+    inside = (time >= record.start - STAMP_ROUNDING) & (time <= record.end + STAMP_ROUNDING)
     if not np.any(inside):
         clock = leader.clock if isinstance(leader, GnssFixes) else "unstated"
         span = float(time[0]), float(time[-1])
@@ -55,7 +55,7 @@ def common_span(record: ImuRecord, leader: Aid) -> ImuRecord:
             f"and {record.end:.9g} s, and an alignment needs {LEAST_ROWS}: take a longer span"
         )
     # The sample in which the first measurement lies is the first one.
-    k = int(np.searchsorted(record.time, float(time[inside][0]) + 1e-9))
+    k = int(np.searchsorted(record.time, float(time[inside][0]) + STAMP_ROUNDING))
     return record.rows(min(k, len(record) - 2), len(record))
 
 
@@ -95,6 +95,6 @@ def place_at_start(leader: Aid, part: ImuRecord, site: Site | None) -> Site:
                 "the site (--lat, --lon, --height)"
             )
         return site
-    k = int(np.searchsorted(np.asarray(leader.time) - leader.delay, part.start - 1e-9))
+    k = int(np.searchsorted(np.asarray(leader.time) - leader.delay, part.start - STAMP_ROUNDING))
     lat, lon, height = (float(np.asarray(x)[k]) for x in (leader.lat, leader.lon, leader.height))
     return Site(lat / DEG, lon / DEG, height)
