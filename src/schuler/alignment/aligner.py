@@ -73,6 +73,12 @@ class Aligner:
     reading : Reading, optional
         How the values were read, so that no hint is given that cannot be true.
 
+    Attributes
+    ----------
+    latitude_known : bool
+        Set it to False where the site's was found in the same record: the Earth's rate is then not
+        held against it.
+
     Raises
     ------
     InputError
@@ -113,6 +119,7 @@ class Aligner:
         self.at = at
         self.array = None if array is None else load_array(array)
         self.reading = reading
+        self.latitude_known = True
         self._tracking = tracking
         self._state = TrackerState.begin()
         self._nodes = np.zeros((tracking.NODE_CAPACITY, tracking.ROW))
@@ -346,7 +353,7 @@ class Aligner:
             raise InputError(f"{self._name}: {hints[0]} (an alignment needs the force at rest)")
         assessed = assess(
             h, summary, self.site, self.spec, self._estimate(h, self.spec),
-            self._estimate,
+            self._estimate, self.latitude_known,
         )  # fmt: skip
         found = assessed.estimate
 

@@ -269,7 +269,10 @@ class NormalEquations:
         right = self.right[columns] - across.T @ solved[:, -1]
         return 0.5 * (information + information.T), right
 
-    def priors(self, gyro: float, accel: float, base_rate: tuple[float, float, float]) -> Array:
+    def priors(
+        self, gyro: float, accel: float, base_rate: tuple[float, float, float],
+        latitude_known: bool = True,
+    ) -> Array:  # fmt: skip
         """Return 1-sigma priors (n,) for `solve` and `marginal`: phi and velocity have none.
 
         Parameters
@@ -278,10 +281,12 @@ class NormalEquations:
             Of the biases, rad/s and m/s^2.
         base_rate : (float, float, float)
             Of a steady turn of the base about east, north and up, rad/s.
+        latitude_known : bool
+            Whether the site's is right; if not, it has no prior either.
         """
         out = np.full(len(self.right), np.inf)
         out[self.GYRO], out[self.ACCEL] = gyro, accel
-        out[self.LATITUDE] = 0.0
+        out[self.LATITUDE] = 0.0 if latitude_known else np.inf
         out[self.BASE_RATE] = base_rate
         return out
 
