@@ -27,8 +27,8 @@ from schuler.cli import cli
 from schuler.motion import DisturbedVehicle
 
 HOME = Path(sc.__file__).parent
-CALLS = ("kernels/_jit.py", "kernels/_machine_code.py")
-"""What passes a call on to compiled code."""
+CALLS = ("kernels/_jit.py", "kernels/_machine_code.py", "_blas.py")
+"""What passes a call on as it is: to compiled code, or with one thread of the linear algebra."""
 CHECKS = "alignment/assessment.py"
 """Where an estimate is held against its record."""
 

@@ -1,7 +1,8 @@
-"""Put the pictures that `pictures` draws into the pages: ``![what it shows](picture:name)``.
+"""Typeset the formulas, and put the pictures that `pictures` draws into the pages.
 
-They are drawn anew at each build, so none can be older than the library, and go into the page
-itself, so that its text colour is theirs in the light scheme and in the dark one.
+A picture is named as ``![what it shows](picture:name)``. All are drawn anew at each build, so none
+can be older than the library, and go into the page itself, so that its text colour is theirs in the
+light scheme and in the dark one.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from mkdocs.exceptions import PluginError
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+import formulas
 import pictures
 
 _PICTURE = re.compile(r"!\[(?P<alt>[^\]]*)\]\(picture:(?P<name>[\w-]+)\)", re.DOTALL)
@@ -36,3 +38,23 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         return f'<figure class="picture" role="img" aria-label="{label}">{svg}</figure>\n'
 
     return _PICTURE.sub(drawn, markdown)
+
+
+def on_page_content(content: str, page: Any, **_: Any) -> str:
+    """Typeset the formulas."""
+    try:
+        return formulas.typeset(content)
+    except formulas.FormulaError as error:
+        raise PluginError(f"{page.file.src_uri}: {error}") from None
+
+
+_FETCHED = re.compile(
+    r'<(?:script|img|iframe|link rel="stylesheet")[^>]+(?:src|href)="(?:https?:)?//[^"]*'
+)
+
+
+def on_post_page(output: str, page: Any, **_: Any) -> str:
+    """Refuse a page that would fetch something from a network."""
+    if fetched := _FETCHED.search(output):
+        raise PluginError(f"{page.file.src_uri}: fetches from a network: {fetched[0]}")
+    return output

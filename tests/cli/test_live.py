@@ -10,6 +10,8 @@ import socket
 import subprocess
 import sys
 import time
+from contextlib import closing
+from http.client import HTTPConnection
 
 import numpy as np
 import pytest
@@ -399,3 +401,70 @@ def test_a_prefilter_in_blocks_and_one_of_the_whole_record(record):
     done = piped(lines, *options, "--prefilter", "wavelet")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "the prefilter wavelet needs the whole record" in done.stderr
+
+
+def events(where, path="/events"):
+    """Give the states that a page's server sends, until it ends."""
+    with closing(HTTPConnection(where, timeout=60)) as connection:
+        connection.request("GET", path)
+        answer = connection.getresponse()
+        assert answer.status == 200
+        for line in answer:
+            if line.startswith(b"data: "):
+                yield json.loads(line[6:])
+
+
+def page_address(process):
+    """Wait until the command says where its page is; return host and port."""
+    for line in process.stderr:
+        if line.startswith(b"note: the page is http://"):
+            return line.decode().split("http://")[1].partition("/")[0]
+    raise AssertionError(f"ended with {process.wait()}")
+
+
+def test_a_page_shows_what_is_aligned(record):
+    options = ("--lat", "50", "--spec", "navigation-rlg", "--every", "0.05", "--page")
+    with start("-", *options) as process:
+        states = events(page_address(process))
+        assert next(states)["phase"] == "waiting"
+        process.stdin.write(b"".join(encode_csv(*s) for s in samples(record)))
+        process.stdin.flush()
+        while (state := next(states))["phase"] == "waiting":
+            pass
+        assert state["phase"] == "aligning"
+        assert state["source"] == "standard input"
+        process.stdin.close()
+        *_, last = states
+        out = process.stdout.read()
+    assert process.returncode == 0
+    assert last["phase"] == "ended"
+    assert float(last["heading"]["value"].rstrip("°")) == pytest.approx(75.0, abs=0.5)
+    assert last["counts"][0] == [6000, "aligned"]
+    assert out.startswith(b"heading 7")
+
+
+def test_a_page_says_that_nothing_usable_came():
+    with start("-", "--lat", "50", "--page", "0") as process:
+        states = events(page_address(process))
+        next(states)
+        process.stdin.write(b"hello\n")
+        process.stdin.close()
+        *_, last = states
+    assert process.returncode == 2
+    assert last["phase"] == "failed"
+    assert "1 that are no sample" in last["end"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["-", "--page", "0.0.0.0:0"], "--page-key-file"), (["--page", "udp:5005", "-"], "source"),
+        (["-", "--page-key-file", "x.key"], "say --page"),
+        (["-", "--page", "0.0.0.0:0", "--page-key-file", "/nowhere"], "cannot be read"),
+    ],
+)  # fmt: skip
+def test_pages_that_are_refused(run, arguments, text):
+    done = run("live", *arguments, "--lat", "5")
+    assert (done.code, done.out) == (2, "")
+    assert text in done.err
+    assert done.err.count("\n") == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from logging import getLogger
@@ -73,6 +74,16 @@ class Aligner:
     reading : Reading, optional
         How the values were read, so that no hint is given that cannot be true.
 
+    Attributes
+    ----------
+    latitude_known : bool
+        Set it to False where the site's was found in the same record: the Earth's rate is then not
+        held against it.
+    name : str
+        Of the record.
+    said : list of str
+        What the quality of its samples warns of.
+
     Raises
     ------
     InputError
@@ -113,6 +124,7 @@ class Aligner:
         self.at = at
         self.array = None if array is None else load_array(array)
         self.reading = reading
+        self.latitude_known = True
         self._tracking = tracking
         self._state = TrackerState.begin()
         self._nodes = np.zeros((tracking.NODE_CAPACITY, tracking.ROW))
@@ -121,8 +133,8 @@ class Aligner:
         self._tail = (np.empty(0), np.empty(0))
         self._summariser = Summariser()
         self._held: list[ImuRecord] = []
-        self._name = "record"
-        self._quality: list[str] = []
+        self.name = "record"
+        self.said: list[str] = []
         self._sampling_faults = False
         self._pass = _Pass()
         self._filtered: Filtered | None = None
@@ -197,12 +209,12 @@ class Aligner:
         ))  # fmt: skip
         self._tail = (next(last), next(last))
         if chunk.quality is not None:
-            self._quality = chunk.quality.warnings()
+            self.said = chunk.quality.warnings()
             self._sampling_faults = chunk.quality.sampling_faults
         return self
 
     def _open(self, chunk: ImuRecord) -> None:
-        self._name = chunk.name
+        self.name = chunk.name
         # A corrected increment leaves nothing for several samples to correct.
         self._flags = (float(not chunk.coning_corrected), float(not chunk.sculling_corrected))
         wanted = self.method.wanted_subsamples
@@ -224,8 +236,18 @@ class Aligner:
             **self._summariser.arrays(),
         }
 
-    def restore(self, arrays: dict[str, Array], name: str = "record") -> None:
+    def restore(
+        self, arrays: dict[str, Array], name: str = "record", said: Sequence[str] = ()
+    ) -> None:
         """Go on in the place of the aligner that gave the arrays, made alike.
+
+        Parameters
+        ----------
+        arrays : dict of str to array
+        name : str
+            Of the record.
+        said : sequence of str
+            Of its samples: what its quality warns of.
 
         Raises
         ------
@@ -254,7 +276,7 @@ class Aligner:
         setting = arrays["tracker_setting"]
         self._subsamples, self._flags = int(setting[0]), (float(setting[1]), float(setting[2]))
         self._sampling_faults = bool(setting[3])
-        self._name = name
+        self.name, self.said = name, list(said)
         self._summariser.restore(arrays)
         self._pass = _Pass()
 
@@ -343,10 +365,10 @@ class Aligner:
         hints = summary.hints(self.site, gyro_bias, self.reading)
         ratio = summary.steady_force(self.site.gravity) / self.site.gravity
         if hints and not 0.9 < ratio < 1.1:
-            raise InputError(f"{self._name}: {hints[0]} (an alignment needs the force at rest)")
+            raise InputError(f"{self.name}: {hints[0]} (an alignment needs the force at rest)")
         assessed = assess(
             h, summary, self.site, self.spec, self._estimate(h, self.spec),
-            self._estimate,
+            self._estimate, self.latitude_known,
         )  # fmt: skip
         found = assessed.estimate
 
@@ -364,7 +386,7 @@ class Aligner:
             # A unit that is turned on purpose does not read Earth rate on average; and what a
             # contradiction says is not said twice.
             hints = [text for text in hints if not text.startswith(("the mean |w|", "the angle"))]
-        warnings = [*self._quality, *hints, *assessed.notes]
+        warnings = [*self.said, *hints, *assessed.notes]
         bound = None
         if self.spec is not None:
             used = found.spec or self.spec
@@ -397,5 +419,5 @@ class Aligner:
             summary=summary,
             why=found.why,
             filter_history=found.filter_history,
-            inputs={"record": self._name},
+            inputs={"record": self.name},
         )

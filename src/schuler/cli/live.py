@@ -6,8 +6,8 @@ import json
 import signal
 import sys
 import time as clock
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -20,16 +20,15 @@ from schuler.cli.live_aids import (
     feed_aids,
     live_aid_options,
     live_aids_taken,
-    mixed,
     moving_session,
+    opened,
 )
 from schuler.cli.parameters import Count, InputFile, OutputFile, Seconds
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.alignment import Alignment
-    from schuler.alignment.session import LiveSession, SpanFix
-    from schuler.io.live_sources import LiveSource
+    from schuler.alignment.session import LiveSession, Outcome, SpanFix
 
 __all__ = ["command"]
 
@@ -52,7 +51,7 @@ _ENOUGH = 10_000
     "--method",
     metavar="NAME",
     shell_complete=methods,
-    help="As of schuler align; not the Kalman filters.",
+    help="As of schuler align.",
 )
 @click.option(
     "--prefilter",
@@ -88,6 +87,20 @@ _ENOUGH = 10_000
     is_flag=True,
     help="Begin anew if the checkpoint is refused; it is kept as FILE.refused.",
 )
+@click.option(
+    "--page",
+    is_flag=False,
+    flag_value="127.0.0.1:0",
+    metavar="[HOST:PORT]",
+    help="Serve a page that shows the alignment; its address is said on standard error. Without "
+    "HOST:PORT: on loopback, at a port that the system chooses.",
+)
+@click.option(
+    "--page-key-file",
+    type=InputFile(),
+    metavar="FILE",
+    help="Show the page only to who has the key in this file; needed beyond loopback.",
+)
 @click.option("--json", "json_to", is_flag=True, help="One JSON object a line on standard output.")
 @live_aid_options
 def command(**options: Any) -> int:
@@ -104,6 +117,7 @@ def command(**options: Any) -> int:
 
     \b
       schuler live udp:5005 --lat 34.2 --spec navigation-fog --checkpoint north.npz
+      schuler live udp:5005 --lat 34.2 --page
       schuler live udp:0.0.0.0:5005 --lat 34.2 --from 192.168.0.7 --key-file imu.key
       cat /dev/ttyUSB0 | schuler live - --lat 34.2 --kind rates --json
       schuler live udp:5005 --gnss udp:5006 --imu-time utc --spec tactical-fog
@@ -137,50 +151,58 @@ def command(**options: Any) -> int:
             max_gap=options["max_gap"], key=key, only=sender, checkpoint=checkpoint,
             cold_start=options["cold_start"],
         )  # fmt: skip
+    show = _page_server(options, every)
     _say_notes(session)
     session.warm_up()
-    with (
-        _opened(source, options["baud"], aids) as stream, _interruptions() as interruptions
-    ):  # fmt: skip
+    with ExitStack() as stack:
+        stream = stack.enter_context(opened(source, options["baud"], aids))
+        interruptions = stack.enter_context(_interruptions())
+        page = stack.enter_context(show(stream.name)) if show is not None else None
         if stream.real_time:
             echo(f"note: listening on {stream.name}", err=True)
         screen = _Screen() if sys.stdout.isatty() and not lines else None
+        if screen is not None:
+            stack.enter_context(screen)
         last = heard = clock.monotonic()
         said = False
-        with screen or nullcontext():
-            for chunk in stream.chunks:
-                now = clock.monotonic()
-                if chunk.second:
-                    feed_aids(session, chunk)
-                elif chunk.data:
-                    before = session.packets
-                    arrived = now if chunk.arrived is None else chunk.arrived
-                    session.feed(chunk.data, chunk.address, arrived if stream.real_time else None)
-                    heard = now if session.packets > before else heard
-                if interruptions or (idle is not None and now - heard > idle):
-                    break
-                if now - last < every:
-                    continue
-                last = now
-                if session.spans:
-                    fix = session.solution()
-                    session.save()
-                    if lines and fix is not None:
-                        _line(session, fix, [])
-                    if session.trouble and session.samples > _ENOUGH and not said:
-                        say_warnings([f"no heading yet: {session.trouble}"])
-                        said = True
-                else:
-                    fix = None
-                _say_notes(session)
-                if screen is not None:
-                    screen.show(None if fix is None else fix.alignment, session.summary())
+        for chunk in stream.chunks:
+            now = clock.monotonic()
+            if chunk.second:
+                feed_aids(session, chunk)
+            elif chunk.data:
+                before = session.packets
+                arrived = now if chunk.arrived is None else chunk.arrived
+                session.feed(chunk.data, chunk.address, arrived if stream.real_time else None)
+                heard = now if session.packets > before else heard
+            if interruptions or (idle is not None and now - heard > idle):
+                break
+            if now - last < every:
+                continue
+            last = now
+            fix = None
+            if session.spans:
+                fix = session.solution()
+                session.save()
+                if lines and fix is not None:
+                    _line(session, fix, [])
+                if session.trouble and session.samples > _ENOUGH and not said:
+                    say_warnings([f"no heading yet: {session.trouble}"])
+                    said = True
+            notes = _say_notes(session)
+            if screen is not None:
+                screen.show(None if fix is None else fix.alignment, session.summary())
+            if page is not None:
+                page.show(session, fix, notes, now - heard)
         try:
             outcome = session.finish(clock.monotonic() if stream.real_time else None)
         except InputError as error:
-            _say_notes(session)
+            notes = _say_notes(session)
+            if page is not None:
+                page.fail(session, notes, str(error))
             raise InputError(f"{stream.name}: {error}") from None
-    _say_notes(session)
+        notes = _say_notes(session)
+        if page is not None:
+            page.finish(session, outcome, notes)
     best = outcome.best
     contradictions = list(outcome.contradictions)
     if lines:
@@ -194,21 +216,6 @@ def command(**options: Any) -> int:
         say_warnings(best.alignment.warnings)
     say_warnings(contradictions)
     return CONTRADICTED if contradictions else 0
-
-
-def _opened(source: str, baud: int, aids: dict[str, Any] | None) -> LiveSource:
-    """Return the source of samples, and of fixes where they have one of their own."""
-    from schuler.io.live_sources import merged, open_live_source
-
-    stream = open_live_source(source, baud)
-    if aids is None or mixed(source, aids["gnss"]):
-        return stream
-    try:
-        other = open_live_source(aids["gnss"], aids["gnss_baud"] or 9600)
-    except InputError:
-        stream.close()
-        raise
-    return merged(stream, other)
 
 
 @contextmanager
@@ -240,9 +247,65 @@ def _interruptions() -> Iterator[list[int]]:
             signal.signal(number, handler)
 
 
-def _say_notes(session: LiveSession) -> None:
-    for text in session.take_notes():
-        echo(f"note: {' '.join(text.split())}", err=True)
+def _say_notes(session: LiveSession) -> list[str]:
+    """Say what happened since the last call, and return it."""
+    notes = [" ".join(text.split()) for text in session.take_notes()]
+    for text in notes:
+        echo(f"note: {text}", err=True)
+    return notes
+
+
+def _page_server(options: dict[str, Any], every: float) -> Callable[[str], _Page] | None:
+    """Return what opens the page once the source is known, its options checked already."""
+    where, key_file = options["page"], options["page_key_file"]
+    if where is None:
+        if key_file is not None:
+            raise InputError("--page-key-file is about the page: say --page")
+        return None
+    from schuler.io.packets import read_key
+    from schuler.reports.live_server import parse_address
+
+    key = None if key_file is None else read_key(key_file)
+    address = parse_address(where, key is not None)
+    return lambda name: _Page(name, every, address, key)
+
+
+class _Page(AbstractContextManager["_Page"]):
+    """The page in a browser, fed with the session's solutions."""
+
+    def __init__(
+        self, name: str, every: float, address: tuple[str, int], key: bytes | None
+    ) -> None:
+        from schuler.reports.live_page import LivePage
+        from schuler.reports.live_server import LiveServer
+
+        self._page = LivePage(name, every)
+        self._server = LiveServer(self._page, address, key)
+        more = "" if key is None else "?key=... (the content of the key file)"
+        echo(f"note: the page is {self._server.url}{more}", err=True)
+
+    def __exit__(self, *exc: Any) -> None:
+        self._server.__exit__(*exc)
+
+    def show(
+        self, session: LiveSession, fix: SpanFix | None, notes: list[str], silent: float | None
+    ) -> None:
+        """Show a solution, or that there is none yet."""
+        for text in notes:
+            self._page.note(text)
+        self._page.update(fix, session.counts(), session.spans, silent=silent,
+                          trouble=session.trouble)  # fmt: skip
+        self._server.show()
+
+    def finish(self, session: LiveSession, outcome: Outcome, notes: list[str]) -> None:
+        """Show the result, which stays."""
+        self.show(session, outcome.best, notes, None)
+        self._page.finish(outcome.contradictions)
+
+    def fail(self, session: LiveSession, notes: list[str], error: str) -> None:
+        """Show why there is no result."""
+        self.show(session, None, notes, None)
+        self._page.finish(error=error)
 
 
 def _line(session: LiveSession, fix: SpanFix, contradictions: list[str]) -> None:

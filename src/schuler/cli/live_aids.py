@@ -13,7 +13,7 @@ from schuler.errors import InputError
 if TYPE_CHECKING:
     from schuler.alignment.moving.live import MovingLiveSession
     from schuler.alignment.session import LiveSession
-    from schuler.io.live_sources import Chunk
+    from schuler.io.live_sources import Chunk, LiveSource
 
 __all__ = [
     "aid_counts",
@@ -22,6 +22,7 @@ __all__ = [
     "live_aids_taken",
     "mixed",
     "moving_session",
+    "opened",
 ]
 
 _KEYS = (
@@ -133,6 +134,27 @@ def live_aids_taken(options: dict[str, Any]) -> dict[str, Any] | None:
 def mixed(source: str, gnss: str) -> bool:
     """Say whether samples and fixes come from one source; of port 0 each has its own."""
     return source == gnss and not source.endswith(":0")
+
+
+def opened(source: str, baud: int, aids: dict[str, Any] | None) -> LiveSource:
+    """Return the source of samples, and of fixes where they have one of their own.
+
+    Raises
+    ------
+    InputError
+        If one of them is no source, or cannot be opened.
+    """
+    from schuler.io.live_sources import merged, open_live_source
+
+    stream = open_live_source(source, baud)
+    if aids is None or mixed(source, aids["gnss"]):
+        return stream
+    try:
+        other = open_live_source(aids["gnss"], aids["gnss_baud"] or 9600)
+    except InputError:
+        stream.close()
+        raise
+    return merged(stream, other)
 
 
 def moving_session(
