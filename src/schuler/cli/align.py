@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler import __version__
-from schuler.cli.align_moving import align_in_motion, motion_options, motion_taken
+from schuler.cli.align_moving import (
+    align_in_motion,
+    follow_in_motion,
+    motion_options,
+    motion_taken,
+)
 from schuler.cli.align_transfer import align_by_master, transfer_options, transfer_taken
 from schuler.cli.command import CONTRADICTED, echo, wants_text
 from schuler.cli.common import (
@@ -123,10 +128,15 @@ def command(**options: Any) -> int:
     latitude_too, by_master = options.pop("find_latitude"), transfer_taken(options)
     aids = motion_taken(options) if by_master is None else None
     if aids is not None or by_master is not None:
-        if latitude_too or follow or name != "auto" or prefilter is not None:
+        if latitude_too or name != "auto" or prefilter is not None:
             raise InputError(
-                "an alignment in motion has a method of its own: leave out --method, --prefilter, "
-                "--find-latitude and --follow beside --gnss, --odometer, --dvl and --master"
+                "an alignment in motion has a method of its own: leave out --method, --prefilter "
+                "and --find-latitude beside --gnss, --odometer, --dvl and --master"
+            )
+        if follow and (by_master is not None or at == "start"):
+            raise InputError(
+                "--follow gives the attitude at the end, by --gnss in motion: leave out --at start "
+                "and --master"
             )
         if by_master is not None:
             if window is not None:
@@ -136,6 +146,10 @@ def command(**options: Any) -> int:
                 calibration_from, _with_source,
             )  # fmt: skip
         assert aids is not None
+        if follow:
+            return follow_in_motion(
+                options, aids, spec, idle, (json_to, report_to), calibration_from, _with_source
+            )
         return align_in_motion(
             options, aids, spec, at, (start, stop), (json_to, report_to), calibration_from,
             _with_source, window,

@@ -111,7 +111,7 @@ def merged(first: LiveSource, second: LiveSource) -> LiveSource:
 
     def close() -> None:
         over.set()
-        # A reader may wait for room in the queue.
+        # A reader may wait until the queue is no longer full.
         while not queue.empty():
             queue.get_nowait()
         first.close()

@@ -352,6 +352,11 @@ class MovingStream:
 
     # -- results -----------------------------------------------------------------------
 
+    @property
+    def starting(self) -> bool:
+        """Whether no heading is known yet."""
+        return self._run is None
+
     def solution(self) -> MovingAlignment:
         """Return the alignment at the last sample that was taken.
 
