@@ -27,7 +27,9 @@ from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec, load_spec
 from schuler.trajectory import Trajectory
 
-__all__ = ["PathLimit", "limit_on", "limits_on", "planned_fixes", "record_on"]
+__all__ = [
+    "PathLimit", "limit_on", "limits_of_filter", "limits_on", "planned_fixes", "record_on",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -131,6 +133,12 @@ class PathLimit:
         return self.covariance[:3, :3]
 
     @property
+    def mounting_arcmin(self) -> list[float] | None:
+        """1-sigma of a slave's mounting about its axes, arcmin; None without a master."""
+        mounting = self.parameters.get("transfer.mounting")
+        return None if mounting is None else [float(v) / ARCMIN for v in mounting]
+
+    @property
     def sigma_arcmin(self) -> Array:
         """1-sigma of phi, arcmin, (3,)."""
         return np.asarray(np.sqrt(np.diag(self.phi)) / ARCMIN)
@@ -213,13 +221,35 @@ def limits_on(
     )  # fmt: skip
     # Nothing is fed back: the covariance is that of rows along the path itself.
     flt = make_filter(nominal, instrument, vibration, measured, aids)
+    return limits_of_filter(flt, samples, path.name, times)
+
+
+def limits_of_filter(
+    flt: ErrorStateFilter, samples: ImuRecord, name: str, times: Sequence[float] | None
+) -> list[PathLimit]:
+    """Return what a filter without feedback knows at several times of perfect samples.
+
+    Parameters
+    ----------
+    flt : ErrorStateFilter
+    samples : ImuRecord
+    name : str
+        Of the path.
+    times : sequence of float or None
+        As in `limits_on`.
+
+    Raises
+    ------
+    InputError
+        For a time that the path does not last.
+    """
     lasts = samples.end - samples.start
     wanted = [lasts] if times is None else list(times)
     if wanted[-1] > lasts + 1e-6 or not all(
         first < second for first, second in zip([0.0, *wanted], wanted, strict=False)
     ):
         raise InputError(
-            f"{path.name}: the path lasts {lasts:.6g} s; times must grow and end with it at the "
+            f"{name}: the path lasts {lasts:.6g} s; times must grow and end with it at the "
             f"latest, got {', '.join(f'{each:g} s' for each in wanted)}"
         )
     out, done = [], None

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from schuler.alignment.moving.setup import Nominal, layout_of, process_noise
 from schuler.alignment.transfer.master import state_at
 from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
-from schuler.constants import ARCMIN
+from schuler.constants import ARCMIN, STAMP_ROUNDING
 from schuler.earth import moved, radii
 from schuler.errors import InputError
 from schuler.ins import ErrorStateFilter, OutputEpoch
@@ -113,7 +113,9 @@ def free_run(
             f"both have data to t = {last:.9g} s: end the alignment earlier (span, --to)"
         )
     rest = record.between(begin, end)
-    rows = np.flatnonzero((due > begin + 1e-9) & (due <= min(end, rest.end) + 1e-9))
+    rows = np.flatnonzero(
+        (due > begin + STAMP_ROUNDING) & (due <= min(end, rest.end) + STAMP_ROUNDING)
+    )
     if not len(rows):
         raise InputError(f"{master.name}: no row of the master lies in the {seconds:g} s after it")
     state = fix.state

@@ -32,7 +32,7 @@ from schuler.alignment.transfer.setup import (
     parse_match,
 )
 from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
-from schuler.constants import DEG
+from schuler.constants import DEG, STAMP_ROUNDING
 from schuler.earth import Site
 from schuler.errors import InputError, expect
 from schuler.ins import Layout
@@ -221,7 +221,7 @@ def _known(
 def _common(record: ImuRecord, master: Trajectory, delay: float) -> ImuRecord:
     """Return the samples for which there is a master."""
     due = master.time - delay
-    inside = (due >= record.start - 1e-9) & (due <= record.end + 1e-9)
+    inside = (due >= record.start - STAMP_ROUNDING) & (due <= record.end + STAMP_ROUNDING)
     if not np.any(inside):
         raise no_overlap(
             master.name, "unstated", (float(due[0]), float(due[-1])), (record.start, record.end)
@@ -232,8 +232,8 @@ def _common(record: ImuRecord, master: Trajectory, delay: float) -> ImuRecord:
             f"{record.start:.9g} and {record.end:.9g} s, and a transfer alignment needs "
             f"{LEAST_ROWS}: take a longer span"
         )
-    first = int(np.searchsorted(record.time, float(due[inside][0]) + 1e-9))
-    last = int(np.searchsorted(record.time, float(due[-1]) - 1e-9)) + 1
+    first = int(np.searchsorted(record.time, float(due[inside][0]) + STAMP_ROUNDING))
+    last = int(np.searchsorted(record.time, float(due[-1]) - STAMP_ROUNDING)) + 1
     cut = record.rows(min(first, len(record) - 2), min(last, len(record)))
     widest = float(np.max(np.diff(due[inside]), initial=0.0))
     if widest > 5.0:
