@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.aiding.clock import CLOCKS
 from schuler.earth import radii
 from schuler.errors import InputError
+from schuler.units import time_text
 
 __all__ = ["GnssFixes"]
 
@@ -284,7 +285,8 @@ def _usable(columns: Mapping[str, Array], dropped: dict[str, int]) -> NDArray[np
     if np.any(wrong):
         k = int(np.flatnonzero(wrong)[0])
         raise InputError(
-            f"a fix at t = {columns['time'][k]:.9g} s has latitude {lat[k]:.6g} rad, longitude "
+            f"a fix at t = {time_text(columns['time'][k])} s has latitude {lat[k]:.6g} rad, "
+            "longitude "
             f"{lon[k]:.6g} rad and height {height[k]:.6g} m, which is no place: check its units "
             "and that latitude and longitude are not exchanged"
         )

@@ -29,6 +29,7 @@ from schuler.io.packets import REASONS as PACKET_REASONS
 from schuler.io.streams import REASONS as STREAM_REASONS
 from schuler.io.streams import Part, Streams
 from schuler.sensors import ImuSpec
+from schuler.units import time_text
 
 __all__ = ["LiveSession", "Outcome", "SpanFix"]
 
@@ -232,7 +233,8 @@ class LiveSession:
             if samples[0] is not part.samples[0]:
                 self._begin_span(self._live.intake.kind)
                 self._notes.append(
-                    f"no sample came before t = {samples[0].time:.9g} s for longer than can be "
+                    f"no sample came before t = {time_text(samples[0].time)} s for longer than "
+                    "can be "
                     f"bridged; span {self.spans} begins"
                 )
             try:

@@ -29,7 +29,7 @@ __all__ = ["Windows", "align_windows", "spread_arcmin", "track_windows"]
 _KEPT = 256
 """Stretches of a window's history that are kept with its alignment."""
 
-_ALONE = 100
+_ALONE = 50
 """Windows that one process solves sooner than others are started."""
 
 
@@ -130,7 +130,7 @@ def align_windows(
     length : float
         Length of a window, s. A last window that is not full is left out.
     workers : int
-        Processes that solve the windows where there are more than a hundred.
+        Processes that solve the windows where there are more than 50.
 
     Raises
     ------
@@ -154,38 +154,41 @@ def align_windows(
 
 
 def _solved_by(workers: int, passes: Iterator[Aligner]) -> Iterator[Alignment]:
-    """Give the windows' alignments in order; several processes solve those after the first."""
-    for found, window in enumerate(passes, 1):
-        yield _slim(window.solution())
-        if found == _ALONE:
-            break
-    else:
-        return
+    """Give the windows' alignments in order; other processes help where there are many.
+
+    This process solves what they have no time for, also while they start.
+    """
     pool: ProcessPoolExecutor | None = None
-    waiting: deque[Future[Alignment]] = deque()
+    waiting: deque[Alignment | Future[Alignment]] = deque()
     try:
-        for window in passes:
-            pool = pool or worker_pool(workers)
-            waiting.append(
-                pool.submit(
-                    _solve,
-                    window.site,
-                    window.method,
-                    window.spec,
-                    window.at,
-                    window.arrays(),
-                    window.name,
-                    window.said,
-                )
-            )
-            # Few are under way, so that memory is constant.
-            if len(waiting) > 4 * workers:
-                yield waiting.popleft().result()
+        for found, window in enumerate(passes, 1):
+            if found == _ALONE:
+                pool = worker_pool(workers - 1)
+            under_way = sum(isinstance(each, Future) and not each.done() for each in waiting)
+            if pool is None or under_way > 2 * (workers - 1):
+                waiting.append(_slim(window.solution()))
+            else:
+                waiting.append(
+                    pool.submit(
+                        _solve, window.site, window.method, window.spec, window.at,
+                        window.arrays(), window.name, window.said,
+                    )
+                )  # fmt: skip
+            while waiting and _is_done(waiting[0]):
+                yield _result(waiting.popleft())
         while waiting:
-            yield waiting.popleft().result()
+            yield _result(waiting.popleft())
     finally:
         if pool is not None:
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _is_done(each: Alignment | Future[Alignment]) -> bool:
+    return not isinstance(each, Future) or each.done()
+
+
+def _result(each: Alignment | Future[Alignment]) -> Alignment:
+    return each.result() if isinstance(each, Future) else each
 
 
 @with_one_blas_thread

@@ -37,6 +37,7 @@ from schuler.cli.completion import methods, prefilters, specs
 from schuler.cli.many import ManyCommand
 from schuler.cli.parameters import InputFile, NamesOption, Seconds, method_names, prefilter_names
 from schuler.errors import InputError
+from schuler.units import time_text
 
 if TYPE_CHECKING:
     from schuler.alignment import Alignment, Windows
@@ -250,13 +251,13 @@ def _with_source(
         "file": str(source.path),
         "format": source.format,
         "read as": source.meaning,
-        "span": f"{fix.start:.9g} to {fix.end:.9g} s",
+        "span": f"{time_text(fix.start)} to {time_text(fix.end)} s",
         "latitude": f"{site.lat:.7g} deg",
         "longitude": f"{site.lon:.7g} deg",
         "height": f"{site.height:g} m",
         "gravity": f"{site.gravity:.6f} m/s^2",
         "method": repr(fix.method),
-        "attitude at": f"{fix.at} (t = {fix.time:.9g} s)",
+        "attitude at": f"{fix.at} (t = {time_text(fix.time)} s)",
         "specification": "none" if fix.spec is None else fix.spec.name,
         "schuler": __version__,
     }

@@ -25,6 +25,7 @@ from schuler.cli.live_aids import (
 )
 from schuler.cli.parameters import Count, InputFile, OutputFile, Seconds
 from schuler.errors import InputError
+from schuler.units import time_text
 
 if TYPE_CHECKING:
     from schuler.alignment import Alignment
@@ -211,7 +212,7 @@ def command(**options: Any) -> int:
         echo(str(best.alignment))
         if outcome.spans > 1:
             start, end = (round(t, 6) + 0.0 for t in (best.alignment.start, best.alignment.end))
-            echo(f"span {best.span} of {outcome.spans}, {start:.9g} s to {end:.9g} s")
+            echo(f"span {best.span} of {outcome.spans}, {time_text(start)} s to {time_text(end)} s")
         echo(session.summary())
         say_warnings(best.alignment.warnings)
     say_warnings(contradictions)

@@ -13,6 +13,7 @@ from schuler.attitude import quat_to_matrix
 from schuler.constants import STAMP_ROUNDING
 from schuler.errors import InputError
 from schuler.record import ImuRecord
+from schuler.units import time_text
 
 __all__ = ["BodyPass", "BodyRows", "body_rows"]
 
@@ -119,8 +120,9 @@ class BodyPass:
         if self._waiting is not None:
             if chunk.time[0] <= self._waiting.end:
                 raise InputError(
-                    f"a chunk starts at t = {chunk.time[0]:.9g} s, not after the last sample "
-                    f"({self._waiting.end:.9g} s)"
+                    f"a chunk starts at t = {time_text(chunk.time[0])} s, not after the last "
+                    "sample "
+                    f"({time_text(self._waiting.end)} s)"
                 )
             self._rows.append(self._taken(self._state, self._waiting, 0.0))
             self._due = self._due[len(self._rows[-1]) :]

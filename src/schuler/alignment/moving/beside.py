@@ -19,6 +19,7 @@ from schuler.ins import Heading as HeadingRows
 from schuler.ins import Height as HeightRows
 from schuler.prefilter.base import held_frame
 from schuler.record import ImuRecord
+from schuler.units import time_text
 
 __all__ = ["Beside", "check_names", "offset_noise", "offset_priors", "rows_beside", "turned_to"]
 
@@ -56,8 +57,9 @@ def rows_beside(aid: Beside, record: ImuRecord, handling: Handling) -> Measureme
     within = (time > record.start + STAMP_ROUNDING) & (time <= record.end + STAMP_ROUNDING)
     if not within.any():
         raise InputError(
-            f"{aid.name}: none of its times lies within the span, from t = {record.start:.9g} to "
-            f"{record.end:.9g} s"
+            f"{aid.name}: none of its times lies within the span, from t = "
+            f"{time_text(record.start)} to "
+            f"{time_text(record.end)} s"
         )
     sigma = np.broadcast_to(np.asarray(aid.sigma, np.float64), time.shape)[within]
     common: dict[str, Any] = {"name": aid.name, "handling": handling}

@@ -26,6 +26,7 @@ from schuler.ins import ErrorStateFilter, Layout, Measurement
 from schuler.ins.frames import east_angle, to_east_north_up
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
+from schuler.units import time_text
 
 __all__ = [
     "CHUNK", "FineAlignment", "FineState", "correct_if_known", "difference", "fine",
@@ -372,7 +373,8 @@ def iterate(
         far = float(np.linalg.norm(step[layout["position"]]))
         if not far < _FARTHEST:
             raise InputError(
-                f"{record.name}: the alignment from t = {record.start:.9g} to {record.end:.9g} s "
+                f"{record.name}: the alignment from t = {time_text(record.start)} to "
+                f"{time_text(record.end)} s "
                 f"diverges: pass {passes} moves the start by {far:.3g} m. The record's axes, units "
                 "and specification, or the delay, are not what they are said to be; a shorter "
                 "span, or one that begins at rest, bears more"

@@ -26,6 +26,7 @@ from schuler.ins import ErrorStateFilter
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec, load_spec
 from schuler.trajectory import Trajectory
+from schuler.units import time_text
 
 __all__ = [
     "PathLimit", "limit_on", "limits_of_filter", "limits_on", "planned_fixes", "record_on",
@@ -211,7 +212,7 @@ def limits_on(
         ):
             raise InputError(
                 f"{aid.name}: no measurement lies on the path, which goes from t = "
-                f"{samples.start:.9g} to {samples.end:.9g} s"
+                f"{time_text(samples.start)} to {time_text(samples.end)} s"
             )
     measured = measurements(aids, samples, gate=False) + at_rest(rests, samples)
     k = int(np.searchsorted(path.time, samples.start - STAMP_ROUNDING))

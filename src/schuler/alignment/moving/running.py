@@ -31,6 +31,7 @@ from schuler.in_motion.coarse import CoarseAlignment
 from schuler.ins import ErrorStateFilter, Measurement
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
+from schuler.units import time_text
 
 __all__ = ["RunningAlignment"]
 
@@ -153,7 +154,8 @@ class RunningAlignment:
         warnings = []
         if self.time - self.last_fix > _LOST:
             warnings.append(
-                f"no fix for {self.time - self.last_fix:.3g} s: since t = {self.last_fix:.9g} s "
+                f"no fix for {self.time - self.last_fix:.3g} s: since t = "
+                f"{time_text(self.last_fix)} s "
                 "the inertial sensors alone have kept the attitude"
             )
         later = Later(

@@ -15,6 +15,7 @@ from schuler.errors import InputError
 from schuler.in_motion.rotation import LEAST_ROWS
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
+from schuler.units import time_text
 
 __all__ = ["bias_at_rest", "common_span", "cut_span", "place_at_start"]
 
@@ -36,7 +37,7 @@ def cut_span(record: ImuRecord, span: tuple[float | None, float | None] | None) 
     if len(out) < 2:
         raise InputError(
             f"the span from {begin} to {end} s holds no samples: the record goes from "
-            f"{record.start:.9g} to {record.end:.9g} s"
+            f"{time_text(record.start)} to {time_text(record.end)} s"
         )
     return out
 
@@ -51,8 +52,10 @@ def common_span(record: ImuRecord, leader: Aid) -> ImuRecord:
         raise no_overlap(leader.name, clock, span, (record.start, record.end))
     if inside.sum() < LEAST_ROWS:
         raise InputError(
-            f"{leader.name}: {int(inside.sum())} measurements lie between t = {record.start:.9g} "
-            f"and {record.end:.9g} s, and an alignment needs {LEAST_ROWS}: take a longer span"
+            f"{leader.name}: {int(inside.sum())} measurements lie between t = "
+            f"{time_text(record.start)} "
+            f"and {time_text(record.end)} s, and an alignment needs {LEAST_ROWS}: take a longer "
+            "span"
         )
     # The sample in which the first measurement lies is the first one.
     k = int(np.searchsorted(record.time, float(time[inside][0]) + STAMP_ROUNDING))

@@ -36,6 +36,7 @@ from schuler.in_motion.rotation import LEAST_ROWS
 from schuler.in_motion.series import position_series, velocity_series
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
+from schuler.units import time_text
 
 __all__ = ["MovingStream", "StreamSetting"]
 
@@ -150,8 +151,8 @@ class MovingStream:
             raise InputError("an alignment needs three gyros and three accelerometers")
         if chunk.time[0] <= self.newest:
             raise InputError(
-                f"a chunk starts at t = {chunk.time[0]:.9g} s, not after the last sample "
-                f"({self.newest:.9g} s)"
+                f"a chunk starts at t = {time_text(chunk.time[0])} s, not after the last sample "
+                f"({time_text(self.newest)} s)"
             )
         self._waiting.append(chunk)
         self._advance(final=False)
@@ -303,7 +304,8 @@ class MovingStream:
         count = len(rows)
         if count < LEAST_ROWS or self._pass is None:
             return (
-                f"{count} fixes came up to t = {self.time:.9g} s: an alignment needs {LEAST_ROWS}"
+                f"{count} fixes came up to t = {time_text(self.time)} s: an alignment needs "
+                f"{LEAST_ROWS}"
             )
         antenna = self.setting.antenna
         try:

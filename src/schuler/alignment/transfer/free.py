@@ -18,6 +18,7 @@ from schuler.ins import ErrorStateFilter, OutputEpoch
 from schuler.ins.frames import east_angle, to_east_north_up
 from schuler.record import ImuRecord
 from schuler.trajectory import Trajectory
+from schuler.units import time_text
 
 if TYPE_CHECKING:
     from schuler.alignment.transfer.result import TransferAlignment
@@ -109,8 +110,9 @@ def free_run(
     last = min(record.end, float(due[-1]))
     if not seconds > 0.0 or end > last + 1e-6:
         raise InputError(
-            f"to navigate free for {seconds:g} s record and master must go on to t = {end:.9g} s; "
-            f"both have data to t = {last:.9g} s: end the alignment earlier (span, --to)"
+            f"to navigate free for {seconds:g} s record and master must go on to t = "
+            f"{time_text(end)} s; "
+            f"both have data to t = {time_text(last)} s: end the alignment earlier (span, --to)"
         )
     rest = record.between(begin, end)
     rows = np.flatnonzero(
