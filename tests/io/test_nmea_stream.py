@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from schuler.aiding.fix_rows import is_possible
 from schuler.errors import InputError
 from schuler.io.gnss.nmea_stream import NmeaStream, apart
 from tests.alignment.moving.nmea_tools import gga, rmc, sentence
@@ -101,6 +102,21 @@ def test_sentences_and_frames_of_one_stream_come_apart(size):
     joined = {kind: b"".join(data for each, data in got if each is kind) for kind in (True, False)}
     assert joined[True] == both(10.0) + both(11.0)
     assert joined[False] + rest == b"".join(pieces[k] for k in (0, 2, 3, 5))
+
+
+def test_whatever_comes_is_counted_or_a_fix():
+    """Bytes changed at random, the checksum made right again: no error, and fixes are finite."""
+    rng = np.random.default_rng(1)
+    stream = NmeaStream(height="ellipsoid")
+    for k in range(400):
+        body = bytearray(both(10.0 + k).split(b"*")[0][1:])
+        for _ in range(rng.integers(1, 5)):
+            body[rng.integers(6, len(body))] = rng.integers(32, 127)
+        for row in stream.feed(sentence(body.decode())):
+            assert is_possible(row)
+    stream.feed(rng.integers(0, 256, 20_000, dtype=np.uint8).tobytes())
+    stream.finish()
+    assert stream.counts.total() > 0
 
 
 def test_without_pynmeagps(monkeypatch):

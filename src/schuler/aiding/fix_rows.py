@@ -12,12 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.aiding.gnss import GnssFixes
 
-__all__ = ["COLUMNS", "FixSetting", "fix_row", "rows_of"]
+__all__ = ["COLUMNS", "FixSetting", "fix_row", "is_possible", "rows_of"]
 
 Array = NDArray[np.float64]
 
 COLUMNS = 14
 """Time; latitude, longitude, height; their sigma; velocity; its sigma; quality."""
+
+_HIGHEST, _FASTEST = 1e5, 1e4
+"""No vehicle is higher (m) or faster (m/s)."""
 
 _PLACE, _SIGMA, _V, _V_SIGMA, _QUALITY = slice(1, 4), slice(4, 7), slice(7, 10), slice(10, 13), 13
 
@@ -37,6 +40,12 @@ class FixSetting:
     delay_sigma : float
         1-sigma of a delay that is estimated, s.
     name : str
+
+    Examples
+    --------
+    >>> antenna = FixSetting(lever=(0.0, 1.0, 0.5))
+    >>> len(antenna.fixes(rows_of(gnss)))
+    59
     """
 
     lever: ArrayLike = (0.0, 0.0, 0.0)
@@ -81,6 +90,24 @@ def fix_row(
     if v_n is not None:
         row[_V], row[_V_SIGMA] = v_n, v_sigma
     return row
+
+
+def is_possible(row: Array) -> bool:
+    """Say whether a row is a fix that a vehicle can have; its velocity may be missing.
+
+    Examples
+    --------
+    >>> row = fix_row(0.0, (0.8, 0.2, 500.0), 3.0, None, 0.1)
+    >>> is_possible(row)
+    True
+    """
+    lat, lon, height = (abs(float(x)) for x in row[_PLACE])
+    speed = row[_V]
+    return bool(
+        np.all(np.isfinite(row[:7])) and lat <= 0.5 * np.pi and lon <= 2.0 * np.pi
+        and height <= _HIGHEST and np.all(row[_SIGMA] > 0.0)
+        and (np.all(np.isnan(speed)) or float(np.abs(speed).max()) < _FASTEST)
+    )  # fmt: skip
 
 
 def rows_of(fixes: GnssFixes) -> Array:

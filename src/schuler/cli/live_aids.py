@@ -26,8 +26,8 @@ __all__ = [
 ]
 
 _KEYS = (
-    "gnss_baud", "imu_time", "leap_seconds", "arrival_error", "latency", "keep", "lever", "delay",
-    "estimate", "gnss_sigma", "gnss_height", "vibration",
+    "gnss_from", "gnss_baud", "imu_time", "leap_seconds", "arrival_error", "latency", "keep",
+    "lever", "delay", "estimate", "gnss_sigma", "gnss_height", "vibration",
 )  # fmt: skip
 
 _AT_REST = ("lat", "lon", "height", "gravity", "method", "prefilter")
@@ -39,6 +39,9 @@ def live_aid_options(function: Any) -> Any:
         click.option(
             "--gnss", metavar="SOURCE",
             help="Align in motion by NMEA of udp:PORT, serial:DEVICE or -; SOURCE itself if mixed.",
+        ),
+        click.option(
+            "--gnss-from", metavar="ADDRESS[:PORT]", help="Take NMEA of this sender only."
         ),
         click.option("--gnss-baud", type=Count(50, 10_000_000), help="Of its port (9600)."),
         click.option(
@@ -178,10 +181,14 @@ def moving_session(
     from schuler.aiding.stream_clock import StreamClock
     from schuler.alignment.moving.live import LiveAids, MovingLiveSession
     from schuler.alignment.moving.stream import StreamSetting
+    from schuler.io.live_sources import check_sender
 
     wanted = estimates_of(aids["estimate"])
     if wanted - {"delay", "lever"}:
         raise InputError("--estimate takes delay and lever, of --gnss")
+    only = None
+    if aids["gnss_from"] is not None:
+        only = check_sender(aids["gnss_from"], aids["gnss"], "--gnss-from")
     sigma, v_sigma = sigmas_of(aids["gnss_sigma"])
     antenna = FixSetting(
         lever_of(aids["lever"], "--lever"), aids["delay"] or 0.0, tuple(sorted(wanted))
@@ -191,7 +198,7 @@ def moving_session(
     clock = StreamClock(aids["imu_time"], aids["leap_seconds"], aids["arrival_error"])
     live = LiveAids(
         clock, setting, sigma, v_sigma, aids["gnss_height"],
-        mixed=mixed(options["source"], aids["gnss"]),
+        mixed=mixed(options["source"], aids["gnss"]), only=only,
     )  # fmt: skip
     return MovingLiveSession(
         live, options["kind"], depth=options["depth"], max_gap=options["max_gap"], key=key,

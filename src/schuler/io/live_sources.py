@@ -120,7 +120,7 @@ def merged(first: LiveSource, second: LiveSource) -> LiveSource:
     return LiveSource(f"{first.name} and {second.name}", first.real_time, chunks(), close)
 
 
-def check_sender(text: str, source: str) -> str:
+def check_sender(text: str, source: str, option: str = "--from") -> str:
     """Return ``ADDRESS`` or ``ADDRESS:PORT`` of a sender of datagrams as it is compared.
 
     Raises
@@ -129,7 +129,7 @@ def check_sender(text: str, source: str) -> str:
         If it is no IPv4 address, or the source has no addresses.
     """
     if not source.startswith("udp:"):
-        raise InputError(f"--from {text}: only udp: sources have senders with addresses")
+        raise InputError(f"{option} {text}: only udp: sources have senders with addresses")
     host, colon, port = text.partition(":")
     try:
         host = str(ipaddress.IPv4Address(host))
@@ -137,7 +137,7 @@ def check_sender(text: str, source: str) -> str:
             raise ValueError
     except ValueError:
         raise InputError(
-            f"--from {text}: expected an IPv4 address, as 192.168.0.7 or 192.168.0.7:5005"
+            f"{option} {text}: expected an IPv4 address, as 192.168.0.7 or 192.168.0.7:5005"
         ) from None
     return f"{host}:{int(port)}" if colon else host
 

@@ -25,11 +25,11 @@ def drive():
     return made, noisy(made, SPEC, rng), fixes(made, rng=rng)
 
 
-def session(clock=None, *, latency=1.0, keep=300.0, mixed=False, **options):
+def session(clock=None, *, latency=1.0, keep=300.0, mixed=False, sender=None, **options):
     antenna = options.pop("antenna", FixSetting())
     setting = StreamSetting(SPEC, antenna, latency=latency, keep=keep)
     return MovingLiveSession(
-        LiveAids(clock or StreamClock("utc"), setting, mixed=mixed), **options
+        LiveAids(clock or StreamClock("utc"), setting, mixed=mixed, only=sender), **options
     )  # fmt: skip
 
 
@@ -185,6 +185,17 @@ def test_late_sentences_are_said(drive):
         live.finish()
     assert live.aid_counts()["late"] > 40
     assert any("--latency" in note for note in live.take_notes())
+
+
+def test_sentences_of_another_sender(drive):
+    _, record, gnss = drive
+    live = session(sender="192.0.2.7")
+    for k, (_, data) in enumerate(sentences(gnss, UTC_DAY)):
+        live.feed_aid(data, "192.0.2.7:5006" if k % 2 else "192.0.2.9:5006")
+    give(live, [(False, data) for _, data in frames(record, UTC_DAY)])
+    live.finish()
+    assert live.aid_counts()["foreign"] == 26
+    assert live.aid_counts()["fixes"] == 25
 
 
 def test_it_warms_up():

@@ -258,14 +258,27 @@ def test_times_since_1970(drive):
     assert other.used == one.used
 
 
+def test_no_more_fixes_are_held_than_a_receiver_has(drive, monkeypatch):
+    from schuler.alignment.moving import stream as module
+
+    monkeypatch.setattr(module, "_MOST_FIXES", 50)
+    moving = stream()
+    moving.add(rows_of(drive[2]))
+    assert (moving.counts["fixes"], moving.counts["surplus_fixes"]) == (50, 51)
+
+
 def test_bad_chunks_and_rows(drive):
-    _, record, _ = drive
+    record = drive[1]
     moving = stream()
     moving.update(record.rows(0, 10))
     with pytest.raises(InputError, match="not after the last sample"):
         moving.update(record.rows(5, 15))
     with pytest.raises(InputError, match="rows of 14"):
         moving.add(np.zeros((2, 3)))
+    wrong = rows_of(drive[2])[:1]
+    wrong[0, 1] = 2.0
+    with pytest.raises(InputError, match="no place on Earth"):
+        moving.add(wrong)
     with pytest.raises(InputError, match="latency"):
         StreamSetting(SPEC, latency=-1.0)
     with pytest.raises(InputError, match="samples are kept"):

@@ -35,6 +35,9 @@ after them, has another clock, s."""
 _FAR_AHEAD = 3600.0
 """The same in a pipe, where one may come long before the other, s."""
 
+_OF_SPANS = ("fixes", "repeated_fixes", "surplus_fixes")
+"""Counts of each span's own stream."""
+
 _EARLY = 1000
 """Fixes that wait for the first sample."""
 
@@ -55,6 +58,14 @@ class LiveAids:
         As of `NmeaStream`.
     mixed : bool
         Whether the sentences are in the stream of the samples.
+    only : str, optional
+        Address, or address and port, that sentences are taken from.
+
+    Examples
+    --------
+    >>> aids = LiveAids(StreamClock("arrival", error=0.05), StreamSetting(spec))
+    >>> aids.stream_setting.antenna.estimate
+    ('delay',)
     """
 
     clock: StreamClock
@@ -63,6 +74,7 @@ class LiveAids:
     v_sigma: float | None = None
     height: str | None = None
     mixed: bool = False
+    only: str | None = None
 
     @property
     def stream_setting(self) -> StreamSetting:
@@ -264,6 +276,12 @@ class MovingLiveSession(LiveSession):
         now : float, optional
             The clock of `feed` at their arrival, s.
         """
+        only = self._aids.only
+        if only is not None and address is not None and only not in (
+            address, address.rpartition(":")[0]
+        ):  # fmt: skip
+            self._aid_counts["foreign"] += 1
+            return
         rows = self._nmea.feed(data) if address is None else self._nmea.datagram(data)
         for row in rows:
             self._take_row(row, now)
@@ -320,7 +338,8 @@ class MovingLiveSession(LiveSession):
         now = self._moving.moving.counts
         out = {"fixes": now["fixes"] + counts["fixes"], "waiting": len(self._early)}
         out["repeated"] = now["repeated_fixes"] + counts["repeated_fixes"]
-        return {**out, **{n: counts[n] for n in ("late", "off_clock", *REASONS)}}
+        out["surplus"] = now["surplus_fixes"] + counts["surplus_fixes"]
+        return {**out, **{n: counts[n] for n in ("late", "off_clock", "foreign", *REASONS)}}
 
     def summary(self) -> str:
         """Return the counts that are not zero, of samples and of fixes."""
@@ -333,7 +352,7 @@ class MovingLiveSession(LiveSession):
     def _end_span(self) -> None:
         ended = self._moving.moving.counts
         super()._end_span()
-        self._aid_counts.update({n: ended[n] for n in ("fixes", "repeated_fixes")})
+        self._aid_counts.update({n: ended[n] for n in _OF_SPANS})
         ended.clear()
 
     def _better(self, found: SpanFix) -> SpanFix:

@@ -64,7 +64,7 @@ class PlannedAid:
     Examples
     --------
     >>> PlannedAid("gnss", velocity=0.05, position=1.0, rate=1.0)
-    PlannedAid(kind='gnss', velocity=0.05, position=1.0, rate=1.0)
+    PlannedAid(kind='gnss', velocity=0.05, position=1.0, rate=1.0, attitude=None)
     """
 
     kind: str

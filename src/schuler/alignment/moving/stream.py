@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from schuler._blas import with_one_blas_thread
 from schuler.aiding import GnssFixes
-from schuler.aiding.fix_rows import COLUMNS, FixSetting
+from schuler.aiding.fix_rows import COLUMNS, FixSetting, is_possible
 from schuler.alignment.moving.align import instrument_of, prepare
 from schuler.alignment.moving.result import MovingAlignment
 from schuler.alignment.moving.running import RunningAlignment
@@ -58,10 +58,13 @@ _MOST_SAMPLES = 400_000
 _WINDOW = 64
 """Fixes that are kept for the running filter."""
 
+_MOST_FIXES = 20_000
+"""That are held, taken and to come: more are no receiver's."""
+
 _WINDOW_TIME = 12.0
 """A fix may be stamped so much later than it is valid, s."""
 
-_COUNTS = ("fixes", "late_fixes", "repeated_fixes")
+_COUNTS = ("fixes", "late_fixes", "repeated_fixes", "surplus_fixes")
 """What became of fixes."""
 
 
@@ -79,6 +82,16 @@ class StreamSetting:
         s of samples and fixes over which passes run back and forth.
     vibration : float, optional
         As of `align_moving`.
+
+    Raises
+    ------
+    InputError
+        For times that are too short or too long.
+
+    Examples
+    --------
+    >>> StreamSetting("tactical-fog", keep=120.0).latency
+    1.0
     """
 
     spec: ImuSpec | str | Path | None = None
@@ -163,12 +176,14 @@ class MovingStream:
         Raises
         ------
         InputError
-            For an array of another shape, or times that are not finite.
+            For an array of another shape, or rows that no vehicle can have.
         """
         rows = np.asarray(rows, np.float64)
-        if rows.ndim != 2 or rows.shape[1] != COLUMNS or not np.all(np.isfinite(rows[:, 0])):
-            raise InputError(f"fixes come as rows of {COLUMNS} numbers that begin with a time")
-        late = repeated = 0
+        if rows.ndim != 2 or rows.shape[1] != COLUMNS:
+            raise InputError(f"fixes come as rows of {COLUMNS} numbers, got {rows.shape}")
+        if not all(is_possible(row) for row in rows):
+            raise InputError("a fix is no place on Earth, or faster than a vehicle")
+        late = repeated = surplus = 0
         for row in rows:
             if self.samples and row[0] - self._lag <= self.time + STAMP_ROUNDING:
                 late += 1
@@ -178,10 +193,14 @@ class MovingStream:
             if np.any(np.abs(near - row[0]) < STAMP_ROUNDING):
                 repeated += 1
                 continue
+            if len(self._rows) >= _MOST_FIXES:
+                surplus += 1
+                continue
             self._rows = np.insert(self._rows, k, row, axis=0)
         self.counts.update(
-            fixes=len(rows) - late - repeated, late_fixes=late, repeated_fixes=repeated
-        )
+            fixes=len(rows) - late - repeated - surplus, late_fixes=late, repeated_fixes=repeated,
+            surplus_fixes=surplus,
+        )  # fmt: skip
         self._advance(final=False)
         return late
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.aiding.fix_rows import fix_row
+from schuler.aiding.fix_rows import fix_row, is_possible
 from schuler.errors import InputError
 from schuler.io.aiding import fix_heights, fix_noise
 from schuler.io.gnss.nmea import SENTENCE, SLOW, need_pynmeagps, parsed, sound
@@ -29,6 +29,7 @@ REASONS = {
     "aid_checksum": "sentences with a wrong checksum",
     "aid_malformed": "sentences that cannot be decoded",
     "no_fix": "instants without a fix",
+    "no_place": "fixes that are no place on Earth, or faster than a vehicle",
     "no_height": "fixes whose height above the ellipsoid is not known",
 }
 
@@ -199,10 +200,14 @@ class NmeaStream:
             return None
         spread, v_n, v_spread = fix_noise(table, self._sigma, self._v_sigma)
         place = [now["lat"], now["lon"], float(height[0])]
-        return fix_row(
+        row = fix_row(
             float(now["t"]), place, spread[0], None if v_n is None else v_n[0], v_spread[0],
             float(now["quality"]),
         )  # fmt: skip
+        if not is_possible(row):
+            self.counts["no_place"] += 1
+            return None
+        return row
 
 
 def _number(value: Any) -> float | None:
