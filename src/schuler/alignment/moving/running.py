@@ -40,6 +40,9 @@ Array = NDArray[np.float64]
 _WIDE = 12.0
 """More than the stamp of a fix may be off, s."""
 
+_MARGIN = 0.1
+"""More than a stamp is moved after the passes, s."""
+
 _LOST = 10.0
 """Without a fix for so long that is said, s."""
 
@@ -86,6 +89,11 @@ class RunningAlignment:
     def lag(self) -> float:
         """By how much the stamps of fixes are late, as the filter takes them, s, at least 0."""
         return max(0.0, *self._parts[3].restamped.values(), 0.0)
+
+    @property
+    def reach(self) -> float:
+        """By how much stamps and the instants of their fixes may differ, s."""
+        return _MARGIN + max(abs(late) for late in (0.0, *self._parts[3].restamped.values()))
 
     @property
     def heading_sigma(self) -> float:
