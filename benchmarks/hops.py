@@ -3,7 +3,7 @@
 ``schuler align`` runs twice over a simulated record, the second time with each call of a Python
 function noted, from the first row that is read to the printed heading. A file counts when one of
 its functions is called in between, a kernel's file when the kernel is called. The heading is found
-when it goes to the checks of the result (`alignment/assessment.py`). Files that several others call
+when it goes to the checks of the result (`alignment/conclusion.py`). Files that several others call
 are counted apart: a file is entered anew when another one calls it.
 """
 
@@ -27,9 +27,9 @@ from schuler.cli import cli
 from schuler.motion import DisturbedVehicle
 
 HOME = Path(sc.__file__).parent
-CALLS = ("kernels/_jit.py", "kernels/_machine_code.py")
-"""What passes a call on to compiled code."""
-CHECKS = "alignment/assessment.py"
+CALLS = ("kernels/_jit.py", "kernels/_machine_code.py", "_blas.py")
+"""What passes a call on as it is: to compiled code, or with one thread of the linear algebra."""
+CHECKS = "alignment/conclusion.py"
 """Where an estimate is held against its record."""
 
 

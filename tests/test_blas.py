@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 
 import numpy as np
@@ -55,3 +57,19 @@ def test_two_callers_side_by_side_do_not_disturb_each_other(threads) -> None:
     leave.set()
     one.join()
     assert threads() == {2}
+
+
+def test_a_worker_that_has_loaded_numpy_already_has_one_thread() -> None:
+    """A driver's script that imports NumPy is run again in its worker, before `start` is."""
+    program = (
+        "import numpy, os\n"
+        "from threadpoolctl import threadpool_info, threadpool_limits\n"
+        "threadpool_limits(2, user_api='blas')\n"
+        "from schuler._processes import start\n"
+        "start()\n"
+        "print({each['num_threads'] for each in threadpool_info() if each['user_api'] == 'blas'})\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    # Without a BLAS that has threads there is none to count.
+    assert done.stdout.strip() in ("{1}", "set()")

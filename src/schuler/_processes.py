@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -33,6 +34,11 @@ def start() -> None:
     from multiprocessing import parent_process
 
     os.environ.update(ONE_THREAD)
+    if "numpy" in sys.modules:
+        # The driver's main module has loaded it here: the environment comes too late.
+        from threadpoolctl import threadpool_limits
+
+        threadpool_limits(1, user_api="blas")
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     driver = parent_process()
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from schuler import Site, align
 from schuler.attitude import quat_to_matrix
+from schuler.constants import EARTH_RATE
 from schuler.errors import InputError
 from schuler.motion import (
     Band,
@@ -30,6 +31,7 @@ from schuler.motion import (
     quiet_crew,
 )
 from schuler.record import ImuRecord
+from schuler.record.quality import CHANNELS
 from schuler.sensors import GRADES
 from schuler.simulation import Simulation, simulate
 
@@ -178,6 +180,30 @@ def spoiled(case: Case, fault: str, seed: int) -> tuple[ImuRecord, Site]:
     ), site
 
 
+def shows(case: Case, fault: str, seed: int) -> bool:
+    """Whether a record at rest can show a fault: the change is above four sigma of bias and noise.
+
+    A base shows two numbers of the Earth's rate, its part up and the length of its horizontal part.
+    The part east of a bias of any direction changes neither, and is counted as shown all the same.
+    """
+    gyro = GRADES[case.grade].gyro
+    sigma = np.hypot(gyro.bias, gyro.angle_random_walk / np.sqrt(case.record.duration))
+    lat = np.deg2rad(case.site.lat)
+    north, up = EARTH_RATE * np.cos(lat), EARTH_RATE * np.sin(lat)
+    if fault in ("accelerometers negated", "latitude's sign"):
+        return bool(2.0 * abs(up) > 4.0 * sigma)
+    if fault.startswith("latitude"):
+        off = np.deg2rad(float(fault.split()[1]))
+        return bool(2.0 * EARTH_RATE * np.sin(0.5 * off) > 4.0 * sigma)
+    if fault == "bias north":
+        record, _ = spoiled(case, fault, seed)
+        axis = quat_to_matrix(case.made.truth.quat_nb)[:-1, 1].mean(axis=0)
+        added = (record.dtheta - case.record.dtheta).sum(axis=0) / case.record.dt.sum()
+        seen = abs(north + added @ axis / np.linalg.norm(axis))
+        return bool(abs(seen - north) > 4.0 * sigma)
+    return True
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What came of one record.
@@ -190,6 +216,8 @@ class Outcome:
         Heading error over its sigma.
     text : str
         What was said.
+    shown : bool
+        Whether a record at rest can show the fault (`shows`).
     """
 
     case: str
@@ -197,6 +225,7 @@ class Outcome:
     told: str
     error: float
     text: str
+    shown: bool = True
 
     @property
     def missed(self) -> bool:
@@ -210,16 +239,64 @@ def run(seed: int, faults: tuple[str, ...], **drawn) -> list[Outcome]:
     out = []
     for fault in faults:
         record, site = spoiled(case, fault, seed) if fault else (case.record, case.site)
+        shown = shows(case, fault, seed)
         try:
             fix = align(record, site, spec=GRADES[case.grade], at="start")
         except InputError as error:
-            out.append(Outcome(str(case), fault, "refused", 0.0, str(error)))
+            out.append(Outcome(str(case), fault, "refused", 0.0, str(error), shown))
             continue
         off = (fix.heading_deg - case.made.heading_deg("start") + 180.0) % 360.0 - 180.0
         told = "consistent" if fix.consistent else "inconsistent"
         text = "; ".join(fix.contradictions)
-        out.append(Outcome(str(case), fault, told, off * 60.0 / fix.heading_sigma_arcmin, text))
+        error = off * 60.0 / fix.heading_sigma_arcmin
+        out.append(Outcome(str(case), fault, told, error, text, shown))
     return out
+
+
+@dataclass(frozen=True)
+class Bad:
+    """What came of a record with one bad sample.
+
+    Parameters
+    ----------
+    told : {"consistent", "inconsistent", "refused"}
+    error : float
+        Heading error over its sigma.
+    large : bool
+        Whether the sample is above eight sigma of what neighbouring samples differ by.
+    named : bool
+    """
+
+    told: str
+    error: float
+    large: bool
+    named: bool
+
+
+def bad_sample(seed: int, grade: str) -> Bad:
+    """Align a case one value of which is off by 0.01 to 20 deg or 1 to 1000 m/s."""
+    case = draw(seed, grades=(grade,))
+    rng = np.random.default_rng([seed, 79])
+    record = case.record
+    row, channel = int(rng.integers(len(record.dt))), int(rng.integers(6))
+    low, high = (np.deg2rad(0.01), np.deg2rad(20.0)) if channel < 3 else (1.0, 1000.0)
+    size = float(np.exp(rng.uniform(np.log(low), np.log(high)))) * rng.choice([-1.0, 1.0])
+    values = np.column_stack((record.dtheta, record.dvel))
+    noise = np.sqrt(np.mean(np.diff(values[:, channel], 2) ** 2) / 6.0)
+    values[row, channel] += size
+    spoilt = replace(
+        record, dtheta=np.ascontiguousarray(values[:, :3]), dvel=np.ascontiguousarray(values[:, 3:])
+    )
+    large = abs(size) > 8.0 * noise
+    try:
+        fix = align(spoilt, case.site, spec=GRADES[grade], at="start")
+    except InputError as error:
+        return Bad("refused", 0.0, large, CHANNELS[channel] in str(error))
+    off = (fix.heading_deg - case.made.heading_deg("start") + 180.0) % 360.0 - 180.0
+    named = any("left out as a spike" in said and CHANNELS[channel] in said
+                and f"row {row + 1} " in said for said in fix.warnings)  # fmt: skip
+    told = "consistent" if fix.consistent else "inconsistent"
+    return Bad(told, off * 60.0 / fix.heading_sigma_arcmin, large, named)
 
 
 def many(seeds: range, faults: tuple[str, ...], **drawn) -> list[Outcome]:
@@ -246,9 +323,28 @@ def good_table(records: int) -> str:
     return "\n".join(lines) + "\n"
 
 
+def bad_sample_table(records: int) -> str:
+    """Return the table of records with one bad sample, by grade."""
+    columns = ("grade", "records", "above eight sigma", "of them named", "inconsistent or refused",
+               "rms(error / sigma) of the others")  # fmt: skip
+    lines = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
+    for grade in GRADES:
+        with ProcessPoolExecutor() as pool:
+            found = list(pool.map(partial(bad_sample, grade=grade), range(records), chunksize=8))
+        large = [each for each in found if each.large]
+        named = sum(each.named for each in large)
+        errors = [each.error for each in found if each.told == "consistent"]
+        rms = np.sqrt(np.mean(np.square(errors)))
+        cells = (grade, len(found), len(large), f"{named} ({100.0 * named / len(large):.2f} %)",
+                 len(found) - len(errors), f"{rms:.2f}")  # fmt: skip
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+        print(lines[-1], flush=True)
+    return "\n".join(lines) + "\n"
+
+
 def fault_table(records: int) -> str:
     """Return the table of faulty records, by fault, grade and length."""
-    columns = ("base", "fault", "grade", "length", "records", "told", "missed")
+    columns = ("base", "fault", "grade", "length", "records", "told", "missed", "missed of shown")
     lines = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
     # A moving base shows no small bias: gravity alone is left there.
     plain = tuple(fault for fault in FAULTS if not fault.startswith("bias"))
@@ -261,9 +357,13 @@ def fault_table(records: int) -> str:
                     mine = [each for each in found if each.fault == fault]
                     told = sum(each.told != "consistent" for each in mine)
                     missed = sum(each.missed for each in mine)
+                    shown = [each for each in mine if each.shown]
+                    of_shown = sum(each.missed for each in shown)
                     cells = (
                         " or ".join(bases), fault, grade, f"{length:.0f} s", len(mine), told,
                         f"{missed} ({100.0 * missed / len(mine):.1f} %)",
+                        f"{of_shown} of {len(shown)} ({100.0 * of_shown / len(shown):.1f} %)"
+                        if shown else "none is",
                     )  # fmt: skip
                     lines.append(f"| {' | '.join(map(str, cells))} |")
                     print(lines[-1], flush=True)
@@ -271,13 +371,13 @@ def fault_table(records: int) -> str:
 
 
 def main() -> None:
-    """Write both tables into the page."""
-    good, faulty = (int(x) for x in (sys.argv[1:3] if len(sys.argv) > 2 else (2000, 250)))
+    """Write the three tables into the page."""
+    good, faulty, bad = (int(x) for x in (sys.argv[1:4] if len(sys.argv) > 3 else (2000, 250, 500)))
     text = PAGE.read_text(encoding="utf-8")
     parts = text.split(MARK)
-    parts[1], parts[3] = good_table(good), fault_table(faulty)
+    parts[1], parts[3], parts[5] = good_table(good), bad_sample_table(bad), fault_table(faulty)
     PAGE.write_text(MARK.join(parts), encoding="utf-8")
-    print(parts[1], parts[3])
+    print(parts[1], parts[3], parts[5])
 
 
 if __name__ == "__main__":

@@ -34,6 +34,21 @@ def test_chunking_does_not_matter(truck, cuts):
     assert part.to_dict() == whole.to_dict()
 
 
+@pytest.mark.slow
+def test_several_processes_give_the_same_bits(truck, monkeypatch):
+    monkeypatch.setattr("schuler.alignment.windows._ALONE", 2)
+    alone = align_windows(truck.record, SITE, 10.0)
+    shared = align_windows(truck.record, SITE, 10.0, workers=2)
+    assert len(shared.each) == len(alone.each) > 4
+    for x, y in zip(alone.each, shared.each, strict=True):
+        assert np.array_equal(x.quat_nb, y.quat_nb)
+        assert np.array_equal(x.covariance, y.covariance)
+        assert x.warnings == y.warnings
+    # Kalman filters run over the same sums.
+    filtered = align_windows(truck.record, SITE, 20.0, "kalman", workers=2)
+    assert filtered.to_dict() == align_windows(truck.record, SITE, 20.0, "kalman").to_dict()
+
+
 def test_statistics_wrap_around_north(truck):
     from dataclasses import replace
 

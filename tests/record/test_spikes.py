@@ -260,3 +260,15 @@ def test_real_records_have_none(data_dir):
     ):
         table = table[np.append(True, np.diff(table[:, 0]) > 0)]
         assert taken("rates", table[:, 0], table[:, 1:], max_gap=1e9)[1].spikes == ()
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("channel", [2, 4])
+def test_a_gross_sample_is_named_while_the_base_is_shaken(channel):
+    """In each of the 20 rows in which the other triad is moved most."""
+    record = made("crew", 3, "navigation-rlg", rate=25.0)
+    other = record.dvel if channel < 3 else record.dtheta
+    moved = np.abs(np.diff(other, 3, axis=0)).max(axis=1)
+    for row in np.argsort(moved)[-20:] + 2:
+        spoilt_record = spoilt(record, row, channel, 5.0 * DEG if channel < 3 else 20.0)
+        assert found(spoilt_record) == [(row, channel)]

@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from logging import getLogger
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler._blas import with_one_blas_thread
-from schuler.alignment.assessment import assess, capped, notices
-from schuler.alignment.bound import limit, position_limit
-from schuler.alignment.debias import without_gyro_bias
+from schuler.alignment.conclusion import conclude
 from schuler.alignment.filtered import Filtered
-from schuler.alignment.gravity_uncertainty import with_gravity_uncertainty
 from schuler.alignment.history import History
 from schuler.alignment.method import Estimate, Method, Problem
 from schuler.alignment.methods import parse_method
 from schuler.alignment.result import Alignment
 from schuler.alignment.stationary.optimal import Linearisation
-from schuler.attitude import nearest_quat
-from schuler.constants import ARCMIN
 from schuler.earth import Site
 from schuler.errors import InputError, expect
 from schuler.kernels.states import TrackerState
 from schuler.record import ImuRecord, Reading, Summariser, Summary
 from schuler.sensors import ImuSpec, SensorArray, load_array, load_spec
-
-log = getLogger("schuler.alignment")
 
 __all__ = ["HOW_RECORD", "Aligner"]
 
@@ -73,6 +66,16 @@ class Aligner:
     reading : Reading, optional
         How the values were read, so that no hint is given that cannot be true.
 
+    Attributes
+    ----------
+    latitude_known : bool
+        Set it to False where the site's was found in the same record: the Earth's rate is then not
+        held against it.
+    name : str
+        Of the record.
+    said : list of str
+        What the quality of its samples warns of.
+
     Raises
     ------
     InputError
@@ -113,6 +116,7 @@ class Aligner:
         self.at = at
         self.array = None if array is None else load_array(array)
         self.reading = reading
+        self.latitude_known = True
         self._tracking = tracking
         self._state = TrackerState.begin()
         self._nodes = np.zeros((tracking.NODE_CAPACITY, tracking.ROW))
@@ -121,8 +125,8 @@ class Aligner:
         self._tail = (np.empty(0), np.empty(0))
         self._summariser = Summariser()
         self._held: list[ImuRecord] = []
-        self._name = "record"
-        self._quality: list[str] = []
+        self.name = "record"
+        self.said: list[str] = []
         self._sampling_faults = False
         self._pass = _Pass()
         self._filtered: Filtered | None = None
@@ -197,12 +201,12 @@ class Aligner:
         ))  # fmt: skip
         self._tail = (next(last), next(last))
         if chunk.quality is not None:
-            self._quality = chunk.quality.warnings()
+            self.said = chunk.quality.warnings()
             self._sampling_faults = chunk.quality.sampling_faults
         return self
 
     def _open(self, chunk: ImuRecord) -> None:
-        self._name = chunk.name
+        self.name = chunk.name
         # A corrected increment leaves nothing for several samples to correct.
         self._flags = (float(not chunk.coning_corrected), float(not chunk.sculling_corrected))
         wanted = self.method.wanted_subsamples
@@ -224,8 +228,18 @@ class Aligner:
             **self._summariser.arrays(),
         }
 
-    def restore(self, arrays: dict[str, Array], name: str = "record") -> None:
+    def restore(
+        self, arrays: dict[str, Array], name: str = "record", said: Sequence[str] = ()
+    ) -> None:
         """Go on in the place of the aligner that gave the arrays, made alike.
+
+        Parameters
+        ----------
+        arrays : dict of str to array
+        name : str
+            Of the record.
+        said : sequence of str
+            Of its samples: what its quality warns of.
 
         Raises
         ------
@@ -254,7 +268,7 @@ class Aligner:
         setting = arrays["tracker_setting"]
         self._subsamples, self._flags = int(setting[0]), (float(setting[1]), float(setting[2]))
         self._sampling_faults = bool(setting[3])
-        self._name = name
+        self.name, self.said = name, list(said)
         self._summariser.restore(arrays)
         self._pass = _Pass()
 
@@ -265,10 +279,18 @@ class Aligner:
             sampling_faults=self._sampling_faults,
         )  # fmt: skip
 
-    def _estimate(
+    def estimate(
         self, h: History, spec: ImuSpec | None, about: Linearisation | None = None,
         site: Site | None = None,
     ) -> Estimate:  # fmt: skip
+        """Return the method's estimate of a history, about something else where that is given.
+
+        Examples
+        --------
+        >>> aligner = sc.Aligner(site, spec=spec).update(record)
+        >>> aligner.estimate(aligner.history(), aligner.spec).attitude.shape
+        (3, 3)
+        """
         return self.method.solve(
             Problem(
                 h, site or self.site, spec, self.at == "end", about,
@@ -343,59 +365,6 @@ class Aligner:
         hints = summary.hints(self.site, gyro_bias, self.reading)
         ratio = summary.steady_force(self.site.gravity) / self.site.gravity
         if hints and not 0.9 < ratio < 1.1:
-            raise InputError(f"{self._name}: {hints[0]} (an alignment needs the force at rest)")
-        assessed = assess(
-            h, summary, self.site, self.spec, self._estimate(h, self.spec),
-            self._estimate,
-        )  # fmt: skip
-        found = assessed.estimate
-
-        def at_site(site: Site) -> Estimate:
-            about = None if found.best is None else found.best.about
-            removed = about is not None and about.gyro_bias.any()
-            left = without_gyro_bias(h, about.gyro_bias) if about and removed else h
-            return self._estimate(left, found.spec, about, site)
-
-        found = with_gravity_uncertainty(found, self.site, at_site)
-        budget = capped(found.budget)
-        covariance = np.asarray(sum(budget.values(), np.zeros((3, 3))))
-        contradictions = tuple(each.text for each in assessed.contradictions)
-        if found.positions or assessed.contradictions:
-            # A unit that is turned on purpose does not read Earth rate on average; and what a
-            # contradiction says is not said twice.
-            hints = [text for text in hints if not text.startswith(("the mean |w|", "the angle"))]
-        warnings = [*self._quality, *hints, *assessed.notes]
-        bound = None
-        if self.spec is not None:
-            used = found.spec or self.spec
-            if found.positions:
-                bound = position_limit(used, self.site, found.positions, summary.interval).phi
-            else:
-                bound = limit(used, self.site, h.duration, summary.interval)
-        sigma = float(np.sqrt(covariance[2, 2])) / ARCMIN
-        warnings += notices(found, self.spec, h, sigma, bool(contradictions))
-        log.debug("%s over %.6g s: heading sigma %.4g'", self.method, h.duration, sigma)
-        return Alignment(
-            method=found.method,
-            site=self.site,
-            start=h.start,
-            end=float(self._tail[0][-1]),
-            samples=self.samples,
-            at=self.at,
-            quat_nb=nearest_quat(found.attitude),
-            covariance=covariance,
-            budget=budget,
-            contradictions=contradictions,
-            bound=bound,
-            warnings=tuple(warnings),
-            spec=found.spec,
-            orthonormality=found.orthonormality,
-            gyro_bias=None if found.biases is None else found.biases[:3],
-            accel_bias=None if found.biases is None else found.biases[3:],
-            bias_covariance=found.bias_covariance,
-            history=h,
-            summary=summary,
-            why=found.why,
-            filter_history=found.filter_history,
-            inputs={"record": self._name},
-        )
+            raise InputError(f"{self.name}: {hints[0]} (an alignment needs the force at rest)")
+        found = self.estimate(h, self.spec)
+        return conclude(self, h, summary, found, hints, float(self._tail[0][-1]))

@@ -72,7 +72,7 @@ class Assessment:
 
 def assess(
     h: History, summary: Summary, site: Site, spec: ImuSpec | None, found: Estimate,
-    again: Again,
+    again: Again, latitude_known: bool = True,
 ) -> Assessment:  # fmt: skip
     """Hold an estimate against its record.
 
@@ -86,6 +86,8 @@ def assess(
     found : Estimate
     again : callable
         Makes the estimate for another history and specification, and what it is linear about.
+    latitude_known : bool
+        False where the site's was found in the same record.
     """
     whole = h
     if _turns_only_by_gyros(h, summary):
@@ -100,7 +102,7 @@ def assess(
             if not settled and len(found.positions) > 1:
                 return Assessment(_unknown(found), (), (_NOT_SETTLED,))
         best = found.best if found.best is not None else joint(h, site, found.spec)
-        result = check(h, best, summary, site, found.spec)
+        result = check(h, best, summary, site, found.spec, latitude_known)
     except np.linalg.LinAlgError:
         raise InputError(
             "the record's values fix no attitude that could be tested: check its columns, units "
@@ -115,8 +117,9 @@ def assess(
         notes.append(_NO_HEADING)
     elif result.least_bias > 0.0:
         wider = found.spec or ImuSpec(GyroSpec(), AccelerometerSpec(), name="none")
+        held = result.least_bias * (1.0 if spec is None else _STUDENT)
         try:
-            wider = with_gyro_bias(wider, result.least_bias)
+            wider = with_gyro_bias(wider, held)
             _, larger, settled = _relinearised(whole, wider, again(whole, wider, None), again)
             if not settled and len(larger.positions) > 1:
                 larger = _unknown(larger)
@@ -145,8 +148,11 @@ def assess(
         notes.append(
             f"the record shows a gyro bias of about {result.least_bias / DEG_PER_HOUR:.2g} deg/h, "
             f"as one good record in {1.0 / shown.probability:.0f} of the specified instrument "
-            "does: sigma holds that much"
+            f"does: sigma holds {_STUDENT * result.least_bias / DEG_PER_HOUR:.2g} deg/h, as two "
+            "numbers show the size of a bias no better"
         )
+    if spec is not None and shown is not None:
+        found = _with_seen_rate(found, shown.north / (EARTH_RATE * np.cos(site.latitude)))
     if any(each.kind == "axes" for each in result.contradictions):
         found = _without_heading(found)
     return Assessment(found, result.contradictions, tuple(notes))
@@ -178,6 +184,13 @@ def _relinearised(
         found = again(h, spec, Linearisation(best.rotation, bias))
     return h, found, settled
 
+
+_STUDENT = 2.26
+"""What sigma holds of the bias that refutes a specification, in parts of the likely one.
+
+Two numbers show its size, the rate's excess up and north; the part east, which turns the heading,
+is then Student's with two degrees of freedom: two sigma (95.4 %) of it are 2.26 times as large.
+"""
 
 _ROUNDS = 6
 
@@ -262,6 +275,30 @@ def _level_only(h: History, summary: Summary, site: Site, spec: ImuSpec | None) 
         Analytic(), attitude, budget, None, None, spec, biases, covariance,
         why="the gyros' bias is far above the Earth's rate: only the level can be found",
     )  # fmt: skip
+
+
+def _with_seen_rate(found: Estimate, excess: float) -> Estimate:
+    """Widen a heading whose gyros saw less horizontal rate than the Earth's.
+
+    The direction of a vector of length s, drawn about one of known length r with variance v in each
+    component, has the information r s / v (von Mises); the estimate, being linear, gives r r / v.
+
+    Parameters
+    ----------
+    found : Estimate
+    excess : float
+        Of the horizontal rate over the Earth's, in parts of this.
+    """
+    if excess >= 0.0:
+        return found
+    scale = np.diag([1.0, 1.0, 1.0 / np.sqrt(max(1.0 + excess, _LEAST_RATE))])
+    return replace(
+        found, budget={name: scale @ part @ scale for name, part in found.budget.items()}
+    )
+
+
+_LEAST_RATE = 1e-4
+"""Part of the Earth's horizontal rate below which none was seen."""
 
 
 def _without_heading(found: Estimate) -> Estimate:

@@ -46,10 +46,10 @@ Array = NDArray[np.float64]
 FALSE_ALARM = 3e-4
 """Probability that a test of a good record contradicts it."""
 
-DOUBT = 0.003
+DOUBT = 0.01
 """Chance of the gyro bias that a record shows below which sigma holds more than the specified one.
 
-Between it and `FALSE_ALARM` nothing is contradicted; three good records in 1,000 come below it.
+Between it and `FALSE_ALARM` nothing is contradicted; one good record in 100 comes below it.
 """
 
 _LEAST_DEFLECTION = 0.1 * ARCSEC
@@ -225,8 +225,9 @@ class _Observable:
 
 
 def earth_rate_test(
-    best: OptimalAlignment, site: Site, spec: ImuSpec | None, up: Array, north: Array
-) -> EarthRateTest:
+    best: OptimalAlignment, site: Site, spec: ImuSpec | None, up: Array, north: Array,
+    latitude_known: bool = True,
+) -> EarthRateTest:  # fmt: skip
     """Hold the gyro bias that a record shows against its prior.
 
     Parameters
@@ -238,6 +239,8 @@ def earth_rate_test(
         Without one the prior is that there is no bias.
     up, north : (3,) float64
         Of the level frame in body axes, in the middle of the record.
+    latitude_known : bool
+        False where the site's was found in the same record, which fits it as far as it can.
     """
     normal = best.normal
     force = site.gravity
@@ -250,7 +253,7 @@ def earth_rate_test(
     scale = gyro or _UNSPECIFIED_GYRO
     # What a base yaws with its tilting, and what two tilts make of yaw to second order.
     yaw = float(np.hypot(normal.base_rate(scale, accel)[0], best.tilt / best.history.duration))
-    prior = normal.priors(scale, accel, (np.inf, np.inf, yaw))
+    prior = normal.priors(scale, accel, (np.inf, np.inf, yaw), latitude_known)
     seen = _Observable.of(normal, "gyro", prior, scale)
     probability = seen.probability(gyro)
     doubted = FALSE_ALARM if spec is None else DOUBT
@@ -332,8 +335,9 @@ def gravity_test(summary: Summary, site: Site, spec: ImuSpec | None) -> Contradi
 
 
 def check(
-    h: History, best: OptimalAlignment, summary: Summary, site: Site, spec: ImuSpec | None
-) -> Consistency:
+    h: History, best: OptimalAlignment, summary: Summary, site: Site, spec: ImuSpec | None,
+    latitude_known: bool = True,
+) -> Consistency:  # fmt: skip
     """Return what contradicts a record, and the gyro bias that its uncertainty must hold.
 
     Parameters
@@ -345,6 +349,8 @@ def check(
     summary : Summary
     site : Site
     spec : ImuSpec or None
+    latitude_known : bool
+        False where the site's was found in the same record.
     """
     from schuler.alignment.history import inertial_to_local
 
@@ -359,7 +365,7 @@ def check(
         middle = len(best.attitude) // 2
         t = 0.5 * float(thin.t[middle] + thin.t[middle + 1])
         c_nb = inertial_to_local(t, site.latitude) @ best.attitude[middle]
-        found = earth_rate_test(best, site, spec, c_nb[2], c_nb[1])
+        found = earth_rate_test(best, site, spec, c_nb[2], c_nb[1], latitude_known)
         if found.probability < (FALSE_ALARM if spec is None else DOUBT):
             least = found.least_bias
         if found.probability < FALSE_ALARM:

@@ -135,7 +135,10 @@ def align_without_latitude(
             "quieter one, or say --lat"
         )
     site = Site(lat / DEG, 0.0, height, gravity_sigma, deflection_sigma)
-    fix = Aligner(site, "optimal", spec, at=at).update(record).solution()
+    aligner = Aligner(site, "optimal", spec, at=at)
+    # Found in this record, it may be off by its sigma: no contradiction of the Earth's rate there.
+    aligner.latitude_known = False
+    fix = aligner.update(record).solution()
     # What the latitude leaves open, on top of the covariance at a known one.
     when = fix.duration if at == "end" else 0.0
     c = inertial_to_local(when, lat)

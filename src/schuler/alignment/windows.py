@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
@@ -11,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from schuler._blas import with_one_blas_thread
+from schuler._processes import worker_pool
 from schuler._result import Result, table_of_rows
 from schuler.alignment.aligner import Aligner
 from schuler.alignment.method import Method
@@ -25,6 +28,9 @@ __all__ = ["Windows", "align_windows", "spread_arcmin", "track_windows"]
 
 _KEPT = 256
 """Stretches of a window's history that are kept with its alignment."""
+
+_ALONE = 50
+"""Windows that one process solves sooner than others are started."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +117,7 @@ def align_windows(
     spec: ImuSpec | str | Path | None = None,
     *,
     at: str = "end",
+    workers: int = 1,
 ) -> Windows:
     """Align each non-overlapping window of a record, and the whole.
 
@@ -122,6 +129,8 @@ def align_windows(
         As in `align`.
     length : float
         Length of a window, s. A last window that is not full is left out.
+    workers : int
+        Processes that solve the windows where there are more than 50.
 
     Raises
     ------
@@ -137,8 +146,60 @@ def align_windows(
     spec = load_spec(spec)
     whole = Aligner(site, method, spec, at=at)
     passes = track_windows(source, length, whole, Aligner(site, method, spec, at=at))
-    each = tuple(_slim(window.solution()) for window in passes)
+    if workers > 1 and whole.method.needs == "sums" and whole.method.prefilter is None:
+        each = tuple(_solved_by(workers, passes))
+    else:
+        each = tuple(_slim(window.solution()) for window in passes)
     return Windows(whole.solution(), float(length), each)
+
+
+def _solved_by(workers: int, passes: Iterator[Aligner]) -> Iterator[Alignment]:
+    """Give the windows' alignments in order; other processes help where there are many.
+
+    This process solves what they have no time for, also while they start.
+    """
+    pool: ProcessPoolExecutor | None = None
+    waiting: deque[Alignment | Future[Alignment]] = deque()
+    try:
+        for found, window in enumerate(passes, 1):
+            if found == _ALONE:
+                pool = worker_pool(workers - 1)
+            under_way = sum(isinstance(each, Future) and not each.done() for each in waiting)
+            if pool is None or under_way > 2 * (workers - 1):
+                waiting.append(_slim(window.solution()))
+            else:
+                waiting.append(
+                    pool.submit(
+                        _solve, window.site, window.method, window.spec, window.at,
+                        window.arrays(), window.name, window.said,
+                    )
+                )  # fmt: skip
+            while waiting and _is_done(waiting[0]):
+                yield _result(waiting.popleft())
+        while waiting:
+            yield _result(waiting.popleft())
+    finally:
+        if pool is not None:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _is_done(each: Alignment | Future[Alignment]) -> bool:
+    return not isinstance(each, Future) or each.done()
+
+
+def _result(each: Alignment | Future[Alignment]) -> Alignment:
+    return each.result() if isinstance(each, Future) else each
+
+
+@with_one_blas_thread
+def _solve(
+    site: Site, method: Method, spec: ImuSpec | None, at: str, arrays: dict[str, Any], name: str,
+    said: list[str],
+) -> Alignment:  # fmt: skip
+    """Return the alignment of a window that another process has tracked."""
+    window = Aligner(site, method, spec, at=at)
+    window.restore(arrays, name, said)
+    return _slim(window.solution())
 
 
 def _slim(fix: Alignment) -> Alignment:

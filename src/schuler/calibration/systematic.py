@@ -194,15 +194,18 @@ def calibrate_systematic(
         value = value + found[_SENSORS]
         phi = phi + found[_LAYOUT["start_attitude"]]
         nis = float(np.sum(history.mean_square * history.scalars) / np.sum(history.scalars))
-    sigma = np.sqrt(np.diag(cov)[_SENSORS])
+    whole = np.sqrt(np.diag(cov))
+    sigma, sigmas = whole[_SENSORS], {name: whole[_LAYOUT[name]] for name in _GROUPS}
     unseen = [
         NAMES[k] for k in _FREE if sigma[k] > 0.5 * prior[_SENSORS.start + k]
     ]  # fmt: skip
     done = _corrected(value)
     spread = {
-        "gyro_bias": sigma[:3], "gyro_matrix": sigma[3:12].reshape(3, 3),
-        "accel_bias": sigma[12:15], "accel_matrix": sigma[15:].reshape(3, 3),
-    }  # fmt: skip
+        "gyro_bias": sigmas["gyro_bias"],
+        "gyro_matrix": sigmas["gyro_matrix"].reshape(3, 3),
+        "accel_bias": sigmas["accelerometer_bias"],
+        "accel_matrix": sigmas["accelerometer_matrix"].reshape(3, 3),
+    }
     calibration = Calibration(
         done.gyro_bias, done.accel_bias, done.gyro_matrix, done.accel_matrix,
         name="systematic", sigma=spread,

@@ -106,11 +106,8 @@ def command(**options: Any) -> int:
       schuler align drive.csv --gnss car.pos --estimate delay --from +30s --to +90s
       schuler align slave.csv --master fog.parquet --to +20s --then-free 30s
     """  # noqa: D301
-    from schuler.alignment import (
-        Aligner,
-        align_windows,
-        parse_method,
-    )
+    from schuler._processes import cores
+    from schuler.alignment import Aligner, align_windows, parse_method
     from schuler.prefilter import parse_prefilter
     from schuler.sensors import load_spec
 
@@ -173,7 +170,9 @@ def command(**options: Any) -> int:
         with progress(source, source.chunks(start=start, stop=stop)) as read:
             chunks = read if calibration is None else calibration.each(read)
             if window is not None:
-                windows = align_windows(chunks, site, window, method, aligner.spec, at=at)
+                windows = align_windows(
+                    chunks, site, window, method, aligner.spec, at=at, workers=cores()
+                )
                 fix = windows.whole
             else:
                 for chunk in chunks:

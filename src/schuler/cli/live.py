@@ -43,7 +43,7 @@ _ENOUGH = 10_000
     "--method",
     metavar="NAME",
     shell_complete=methods,
-    help="As of schuler align; not the Kalman filters.",
+    help="As of schuler align.",
 )
 @click.option(
     "--prefilter",

@@ -79,10 +79,10 @@ def best_way(setting, i, n, widest):
 
 
 @kernel
-def is_ordinary(rows, setting, i, n, c, seen, spread=0.0):
+def is_ordinary(rows, setting, i, n, c, seen, spread=0.0, slack=1.0):
     """Say whether a value is no further off its interpolation than many (or, `seen`, any) were.
 
-    `spread` is what else its neighbours may be off by (1 sigma).
+    `spread` is what else its neighbours may be off by (1 sigma); `slack` times as far is ordinary.
     """
     way = best_way(setting, i, n, 2)
     if way < 0:
@@ -90,7 +90,7 @@ def is_ordinary(rows, setting, i, n, c, seen, spread=0.0):
     limit = max(ORDINARY * max(math.sqrt(setting[way]), spread), setting[6])
     if seen:
         limit = max(limit, setting[3 + way])
-    return abs(residual_of(rows, i, c, way)) <= limit
+    return abs(residual_of(rows, i, c, way)) <= slack * limit
 
 
 @kernel

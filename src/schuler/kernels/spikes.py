@@ -10,6 +10,9 @@ For each channel, the interpolation with the smallest variance of its residuals 
 * the other triad's residuals are ordinary in the row and in those beside it: a blow moves both;
 * those of its own triad's other channels are ordinary beside it.
 
+Of a residual that is more than `FAR` times its limit, the other channels' may be larger than
+ordinary as far as it is: no blow moves one channel so much further than all others.
+
 Where an interval is long enough for a blow, an accelerometer's spike must also be larger than one
 (`set_smallest`).
 """
@@ -48,6 +51,8 @@ from schuler.kernels.residuals import (
 __all__ = [
     "AHEAD", "KEPT", "LEAST", "REACH", "SETTING", "WORK", "learn", "screen", "set_smallest",
 ]  # fmt: skip
+
+FAR = 30.0
 
 _BLOCK = 64
 """Rows that are passed over at once where all are ordinary."""
@@ -121,17 +126,17 @@ def _edge(rows, at, inward, count, settings, work):
 
 
 @kernel
-def _shaken(rows, settings, i, n, first):
+def _shaken(rows, settings, i, n, first, slack):
     """Say whether a triad is shaken in a row or beside it."""
     for p in range(max(i - 1, 0), min(i + 2, n)):
         for j in range(first, first + 3):
-            if not is_ordinary(rows, settings[j], p, n, 2 + j, False):
+            if not is_ordinary(rows, settings[j], p, n, 2 + j, False, 0.0, slack):
                 return True
     return False
 
 
 @kernel
-def _moved(rows, settings, i, n, own):
+def _moved(rows, settings, i, n, own, slack):
     """Say whether another channel of the same triad is shaken beside a row.
 
     In the row itself it may be bad, too: there its value is left out of the judgement.
@@ -146,8 +151,8 @@ def _moved(rows, settings, i, n, own):
         way = best_way(s, i, n, REACH)
         rows[i, c] = value - residual_of(rows, i, c, way)
         spread = math.sqrt(s[way])
-        calm = is_ordinary(rows, s, i - 1, n, c, False, spread) and is_ordinary(
-            rows, s, i + 1, n, c, False, spread
+        calm = is_ordinary(rows, s, i - 1, n, c, False, spread, slack) and is_ordinary(
+            rows, s, i + 1, n, c, False, spread, slack
         )
         rows[i, c] = value
         if not calm:
@@ -197,7 +202,12 @@ def _judge(rows, n, i, j, settings, found, spikes):
         return spikes
     if is_uneven(rows, i, n):
         return spikes
-    if _shaken(rows, settings, i, n, 3 if j < 3 else 0) or _moved(rows, settings, i, n, j):
+    # No blow moves one channel `FAR` times as far as all others, each in parts of its own noise.
+    limit = max(math.sqrt(limit_of(settings, j, way)), 1e-150)
+    slack = max(1.0, abs(r) / (FAR * limit))
+    if _shaken(rows, settings, i, n, 3 if j < 3 else 0, slack) or _moved(
+        rows, settings, i, n, j, slack
+    ):
         return spikes
     rows[i, c] = value - r
     spread = math.sqrt(s[way])

@@ -81,6 +81,8 @@ def test_latitude_of_the_real_record(data_dir):
     assert abs(found.latitude / DEG - 34.246048) < 4 * found.sigma / DEG
     assert found.sigma / DEG < 0.05
     assert found.alignment.heading_deg == pytest.approx(90.60, abs=0.05)
+    # Two sigma off, the latitude is no contradiction of the record that it was found in.
+    assert found.alignment.consistent
 
 
 def test_a_record_without_latitude_says_so():

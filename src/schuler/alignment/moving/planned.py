@@ -145,12 +145,12 @@ class PathTable(Result):
         """Return the table with the keys of the JSON schema `schuler.path-limit/1`."""
         rows = []
         for each in self.limits:
-            sigma = np.sqrt(np.diag(each.covariance))
+            _, velocity, position = np.split(np.sqrt(np.diag(each.covariance)), 3)
             rows.append({
                 "time_s": each.duration,
                 "sigma_arcmin": axes_of(each),
-                "velocity_m_s": [float(v) for v in sigma[3:6]],
-                "position_m": [float(v) for v in sigma[6:9]],
+                "velocity_m_s": [float(v) for v in velocity],
+                "position_m": [float(v) for v in position],
                 "gyro_bias_deg_h": [float(v) / DEG_PER_HOUR for v in each.gyro_bias],
                 "accelerometer_bias_ug": [float(v) / MICRO_G for v in each.accel_bias],
             })  # fmt: skip

@@ -158,10 +158,11 @@ def gains(
     m, n = series.design.shape[1:]
     information = weighed.information
     prior = np.zeros(n)
-    prior[3:9] = np.repeat(1.0 / np.square(bias_priors(spec)), 3)
+    prior[NormalEquations.BIASES] = np.repeat(1.0 / np.square(bias_priors(spec)), 3)
     prior[NormalEquations.BASE_RATE] = 1.0 / max(base_rate, _FREE_GYRO) ** 2
     end = np.zeros((3, n))
-    end[:, :3], end[:, 3:6] = np.eye(3), -propagated
+    end[:, NormalEquations.PHI] = np.eye(3)
+    end[:, NormalEquations.GYRO] = -propagated
     for each in weighed.groups:
         end += np.outer(local[each.turn], each.prediction @ each.jacobian)
     latitude = n + NormalEquations.LATITUDE
@@ -185,7 +186,7 @@ def gains(
         gain_a[at], end_a[at] = np.split(here, [len(pick)], axis=1)
         at = each.velocity_rows, slice(None), each.move
         gain_v[at], end_v[at] = np.split(there, [len(pick)], axis=1)
-    by_prior = both[:, 3:6] * prior[3:6]
+    by_prior = both[:, NormalEquations.GYRO] * prior[NormalEquations.GYRO]
     return gain_a, gain_v, end_a, end_v, inverse[np.ix_(pick, pick)], by_prior, by_base
 
 
@@ -218,8 +219,10 @@ class NormalEquations:
     information: Array
     right: Array
 
+    PHI = slice(0, 3)
     GYRO = slice(3, 6)
     ACCEL = slice(6, 9)
+    BIASES = slice(3, 9)
     LATITUDE = -4
     BASE_RATE = slice(-3, None)
 
@@ -269,7 +272,10 @@ class NormalEquations:
         right = self.right[columns] - across.T @ solved[:, -1]
         return 0.5 * (information + information.T), right
 
-    def priors(self, gyro: float, accel: float, base_rate: tuple[float, float, float]) -> Array:
+    def priors(
+        self, gyro: float, accel: float, base_rate: tuple[float, float, float],
+        latitude_known: bool = True,
+    ) -> Array:  # fmt: skip
         """Return 1-sigma priors (n,) for `solve` and `marginal`: phi and velocity have none.
 
         Parameters
@@ -278,10 +284,12 @@ class NormalEquations:
             Of the biases, rad/s and m/s^2.
         base_rate : (float, float, float)
             Of a steady turn of the base about east, north and up, rad/s.
+        latitude_known : bool
+            Whether the site's is right; if not, it has no prior either.
         """
         out = np.full(len(self.right), np.inf)
         out[self.GYRO], out[self.ACCEL] = gyro, accel
-        out[self.LATITUDE] = 0.0
+        out[self.LATITUDE] = 0.0 if latitude_known else np.inf
         out[self.BASE_RATE] = base_rate
         return out
 

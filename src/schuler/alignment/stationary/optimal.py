@@ -277,12 +277,12 @@ def _joint(
         turns = turns_from_middle(q, r, local, dwells)
         found = np.einsum("iab,ib->a", gain_v, e)
         found += np.einsum("iab,ib->a", gain_a, turns) + shift
-        biases = found[3:9]
+        biases = found[NormalEquations.BIASES]
         at_end = np.einsum("iab,ib->a", end_v, e) + np.einsum("iab,ib->a", end_a, turns)
         at_end += end_shift
         if free_latitude:
-            latitude = np.array([found[9], np.sqrt(covariance[9, 9])])
-        r = np.asarray(quat_to_matrix(rotvec_to_quat(found[:3])) @ r)
+            latitude = np.array([found[-1], np.sqrt(covariance[-1, -1])])
+        r = np.asarray(quat_to_matrix(rotvec_to_quat(found[NormalEquations.PHI])) @ r)
     normal = weighed.normal(turns, e, removed)
     start = Answer.from_gains(
         gain_a[:, :3], gain_v[:, :3], local, series.mean_sway, base_rate * by_base[:3]
@@ -290,7 +290,7 @@ def _joint(
     end = Answer.from_gains(end_a, end_v, local, series.mean_sway, base_rate * by_base[-3:])
     return OptimalAlignment(
         about, r, biases + np.concatenate([removed, np.zeros(3)]), covariance[:9, :9], start, end,
-        found[:3] - at_end, levels, h, attitude,
+        found[NormalEquations.PHI] - at_end, levels, h, attitude,
         dwells, _share(series, gain_a, gain_v, local[m // 2, 2]), series.sway_levels,
         dwells == ((0, m),) and len(series.attitude_rows) > 0 and at_rest > 0.5, latitude,
         float(np.mean(turns[:, :2] ** 2) + 4.0 * np.mean(np.maximum(1.0 - size**2, 0.0))),
