@@ -13,8 +13,8 @@ from schuler.constants import ARCMIN, ARCSEC, DEG, STANDARD_GRAVITY
 from schuler.errors import InputError, near
 
 __all__ = [
-    "UNITS", "convert", "dimension_of", "known_unit", "parse", "parse_factor", "time_text",
-    "to_unit",
+    "UNITS", "convert", "dimension_of", "known_unit", "parse", "parse_factor", "percent",
+    "time_text", "to_unit",
 ]  # fmt: skip
 
 _H = 3600.0
@@ -304,6 +304,18 @@ def time_text(seconds: float) -> str:
     text = f"{seconds:.6f}".rstrip("0")
     whole, _, decimals = text.partition(".")
     return f"{whole}.{decimals:0<2}" if abs(seconds) < 1e16 else f"{seconds:.17g}"
+
+
+def percent(share: float) -> str:
+    """Return a share as ``12 %``: two digits, and no power of ten for a large one.
+
+    Examples
+    --------
+    >>> percent(1.0), percent(0.0316)
+    ('100 %', '3.2 %')
+    """
+    value = 100.0 * float(share)
+    return f"{value:.0f} %" if abs(value) >= 9.95 else f"{value:.2g} %"
 
 
 def _units_of(dimension: str) -> str:

@@ -181,6 +181,45 @@ def test_every_kind_of_report_fits_its_screen(
     assert [line for line in log.splitlines() if "CONSOLE" in line] == []
 
 
+def test_every_kind_of_report_fits_its_paper(
+    chromium: str, every_page: tuple[Path, int], tmp_path: Path
+) -> None:
+    """With the style of paper, as wide as A4 within its margins, nothing is wider than the page."""
+    text = every_page[0].read_text(encoding="utf-8")
+    style, script, page = (text.index(tag) for tag in ("@media print", "<script>", "</body>"))
+    assert style < script < page
+    # Tables do not scroll on paper, and figures are as wide as `beforeprint` makes them.
+    told = (
+        "<script>window.dispatchEvent(new Event('beforeprint'));"
+        "const right = Math.max(...Array.from(document.querySelectorAll("
+        "'.table *, figure svg, header *, p, li'), (e) => e.getBoundingClientRect().right));"
+        "document.documentElement.dataset.right = String(Math.round(right));"
+        "document.documentElement.dataset.paper = String(document.documentElement.clientWidth);"
+        "</script></body>"
+    )
+    paper = tmp_path / "paper.html"
+    paper.write_text(
+        text.replace("@media print", "@media all", 1).replace("</body>", told), encoding="utf-8"
+    )
+    # 210 mm less twice 14 mm, 96 pixels to the inch.
+    dom, _ = visit(chromium, paper, tmp_path / "profile", "--window-size=688,2000",
+                   "--hide-scrollbars")  # fmt: skip
+    root = re.search(r"<html[^>]*>", dom)
+    assert root is not None
+    right, width = (int(re.search(rf'data-{n}="(\d+)"', root[0])[1]) for n in ("right", "paper"))
+    assert width == 688
+    assert right <= width
+
+
+def test_short_tables_are_printed_on_one_page(every_page: tuple[Path, int]) -> None:
+    text = every_page[0].read_text(encoding="utf-8")
+    tables = re.findall(r'<div class="(table[^"]*)">(<table.*?</table>)</div>', text, re.DOTALL)
+    assert {kind for kind, _ in tables} == {"table", "table short"}
+    for kind, table in tables:
+        assert (kind == "table short") == (table.count("<tr") <= 20)
+    assert ".short { break-inside: avoid; }" in text
+
+
 def test_numbers_of_tables_are_not_broken(every_page: tuple[Path, int]) -> None:
     text = every_page[0].read_text(encoding="utf-8")
     assert '<td class="whole">' in text

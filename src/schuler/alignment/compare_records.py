@@ -17,6 +17,7 @@ from schuler._result import Result, table_of_rows
 from schuler.alignment.result import AXES, Alignment
 from schuler.attitude import multiply, quat_to_rotvec
 from schuler.constants import ARCMIN
+from schuler.units import percent
 
 __all__ = ["RecordComparison", "compare_records"]
 
@@ -112,7 +113,7 @@ class RecordComparison(Result):
         told = "no difference shows" if self.equal else "the poses differ"
         lines.append(
             f"{told}: chi-square {self.chi_square:.3g} of three degrees of freedom, as large by "
-            f"chance in {100.0 * self.probability:.2g} %"
+            f"chance in {percent(self.probability)}"
         )
         lines.append(
             f"{'record':<30}  {'heading deg':>11}  {'sigma':>8}  {'pitch':>9}  {'roll':>9}"

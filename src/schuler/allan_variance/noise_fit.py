@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,8 @@ from schuler.allan_variance.theory import (
     TERMS,
     unit_variances,
 )
+from schuler.errors import InputError
+from schuler.sensors.by_axis import rms
 from schuler.sensors.errors import AccelerometerSpec, GyroSpec, ImuSpec
 
 __all__ = ["MOVED", "ChannelFit", "NoiseFit", "NoiseTerm"]
@@ -175,21 +177,44 @@ class NoiseFit(Result):
                 )
         return out
 
-    def to_spec(self, name: str = "static record") -> ImuSpec:
+    def to_spec(self, name: str = "static record", *, by_axis: bool = False) -> ImuSpec:
         """Return an instrument specification: each figure the rms over the fitted axes.
 
         Bias, scale factor and misalignment do not show in a static record's noise and stay 0:
         add at least the bias before predicting an alignment's accuracy.
+
+        Parameters
+        ----------
+        name : str
+        by_axis : bool
+            Keep the figures of x, y and z beside their rms.
+
+        Raises
+        ------
+        InputError
+            If figures by axis are wanted of other than three gyros and three accelerometers.
         """
-        tables: list[dict[str, float]] = []
-        for part, names in (("gyro", _GYRO), ("accel", _ACCEL)):
-            squares = [f.squares() for c, f in self.channels.items() if c.startswith(part)]
-            rms = np.sqrt(np.mean(squares, axis=0)) if squares else np.zeros(len(names))
+        parts: list[Any] = []
+        for part, names, triad in (
+            ("gyro", _GYRO, GyroSpec()), ("accel", _ACCEL, AccelerometerSpec()),
+        ):  # fmt: skip
+            fits = [f for c, f in self.channels.items() if c.startswith(part)]
             # A ramp is no noise, and an instrument that was warming up has another the next day.
-            tables.append(dict(zip(names[:NOISES], rms[:NOISES].tolist(), strict=True)))
+            each = np.array([np.sqrt(f.squares()[:NOISES]) for f in fits]).reshape(-1, NOISES)
+            if by_axis and len(each) != 3:
+                raise InputError(
+                    f"a specification by axis needs three channels of each triad, and there are "
+                    f"{len(each)} of the {part}"
+                )
+            figures = dict(zip(names[:NOISES], each.T.tolist(), strict=True))
+            if by_axis:
+                parts.append(triad.with_axes(**figures))
+                continue
+            plain: dict[str, Any] = {k: rms(v) if v else 0.0 for k, v in figures.items()}
+            parts.append(replace(triad, **plain))
         return ImuSpec(
-            GyroSpec(**tables[0]),
-            AccelerometerSpec(**tables[1]),
+            parts[0],
+            parts[1],
             name=name,
             source=f"{self.source.kind} deviation of {self.source.name}, "
             f"{self.source.duration:.6g} s",

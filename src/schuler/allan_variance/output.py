@@ -142,6 +142,7 @@ def save_spec(
     gyro_bias: float = 0.0,
     accel_bias: float = 0.0,
     note: str = "",
+    by_axis: bool = False,
 ) -> None:
     """Write the fitted noise as a TOML specification that ``--spec`` takes.
 
@@ -154,6 +155,8 @@ def save_spec(
         holds none.
     note : str
         Added to where the figures come from.
+    by_axis : bool
+        Write the figures of x, y and z, and not their rms.
 
     Raises
     ------
@@ -166,7 +169,7 @@ def save_spec(
     for name, value in (("gyro", gyro_bias), ("accelerometer", accel_bias)):
         if not (math.isfinite(value) and value >= 0.0):
             raise InputError(f"the {name} bias must be 0 or more (1 sigma), got {value:g}")
-    found = fit.to_spec(path.stem)
+    found = fit.to_spec(path.stem, by_axis=by_axis)
     without = [
         name for name, value in (("gyro", gyro_bias), ("accelerometer", accel_bias)) if not value
     ]
@@ -180,7 +183,7 @@ def save_spec(
         source="; ".join([*said, *([note] if note else [])]),
     )
     text = tomli_w.dumps({"name": spec.name, "source": spec.source, **spec.describe()})
-    head = "# Noise from a static record, rms over the axes.\n"
+    head = f"# Noise from a static record, {'of x, y, z' if by_axis else 'rms over the axes'}.\n"
     if without:
         head += (
             f"# It holds no {' or '.join(without)} bias, which is not observable at rest:\n"

@@ -27,6 +27,7 @@ from schuler.calibration.poses_fit import (
 from schuler.calibration.poses_result import PosesFit
 from schuler.calibration.rests import find_rests
 from schuler.errors import InputError
+from schuler.units import percent
 
 __all__ = ["PosesFit", "calibrate_poses", "find_rests"]
 
@@ -131,7 +132,7 @@ def calibrate_poses(
         if (weak > 0.02).any():
             i, j = np.unravel_index(int(np.argmax(weak)), (3, 3))
             unseen.append(
-                f"gyro {'xyz'[i]}, part along {'xyz'[j]}: known to {100 * weak[i, j]:.2g} % only"
+                f"gyro {'xyz'[i]}, part along {'xyz'[j]}: known to {percent(weak[i, j])} only"
             )
     calibration = Calibration(
         **parts, input="counts" if counts else "SI", name=name, sigma=spread

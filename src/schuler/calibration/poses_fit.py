@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from schuler.constants import DEG
 from schuler.errors import InputError
+from schuler.units import percent
 
 __all__ = ["FULL", "SIX", "fit_forces", "fit_turns", "force_parts", "weakly_known"]
 
@@ -120,7 +121,7 @@ def weakly_known(
     names = ("scale x", "axes xy", "axes xz", "scale y", "axes yz", "scale z")
     diagonal = np.diag(matrix)[[0, 0, 0, 1, 1, 2]]
     out += [
-        f"accelerometer {name}: known to {100 * s:.2g} % only"
+        f"accelerometer {name}: known to {percent(s)} only"
         for name, s in zip(names, sigma[3:] / diagonal, strict=True)
         if s > 2e-3
     ]

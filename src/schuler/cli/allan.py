@@ -76,6 +76,11 @@ __all__ = ["command"]
     metavar="FACTOR",
     help="What the densities of --export are multiplied by.",
 )
+@click.option(
+    "--by-axis",
+    is_flag=True,
+    help="Write x, y and z of each figure into the specification, not their rms.",
+)
 @click.option("--note", metavar="TEXT", help="Said in the specification of --save-spec.")
 def command(**options: Any) -> None:
     """Tell the noise of each sensor from FILE, a record of an instrument at rest.
@@ -97,7 +102,9 @@ def command(**options: Any) -> None:
     kind, taus = options.pop("kind"), _times(options.pop("taus"))
     wanted = [name.replace("-", "_") for name in options.pop("channels")]
     json_to, report_to, spec_to = (options.pop(k) for k in ("json_to", "report_to", "save_spec"))
-    added = _added(spec_to, *(options.pop(k) for k in ("gyro_bias", "accel_bias", "note")))
+    added = _added(
+        spec_to, *(options.pop(k) for k in ("gyro_bias", "accel_bias", "note", "by_axis"))
+    )
     exports, inflate = options.pop("exports"), options.pop("inflate")
     if inflate != 1.0 and not exports:
         raise InputError("--inflate is for the densities of --export: say --export TOOL FILE")
@@ -136,14 +143,17 @@ def command(**options: Any) -> None:
 
 
 def _added(
-    spec_to: str | None, gyro_bias: str | None, accel_bias: str | None, note: str | None
-) -> dict[str, Any]:
+    spec_to: str | None, gyro_bias: str | None, accel_bias: str | None, note: str | None,
+    by_axis: bool,
+) -> dict[str, Any]:  # fmt: skip
     """Return what the specification is to hold that no record shows."""
     from schuler.units import parse
 
     if spec_to is None and (gyro_bias or accel_bias or note):
         raise InputError("--gyro-bias, --accel-bias and --note go into a file: say --save-spec")
-    out: dict[str, Any] = {"note": note or ""}
+    if spec_to is None and by_axis:
+        raise InputError("--by-axis is about the specification: say --save-spec")
+    out: dict[str, Any] = {"note": note or "", "by_axis": by_axis}
     for key, text, dimension in (
         ("gyro_bias", gyro_bias, "angular rate"), ("accel_bias", accel_bias, "acceleration"),
     ):  # fmt: skip

@@ -9,24 +9,21 @@ from typing import Any
 from schuler._files import parse_toml
 from schuler.errors import InputError
 from schuler.sensors import GRADES, ImuSpec
-from schuler.units import to_unit
+from schuler.sensors.by_axis import text_of
 
 __all__ = ["apply", "parse_overrides", "parse_sweep", "spec_table"]
 
 
 def spec_table(spec: ImuSpec) -> dict[str, Any]:
     """Return a specification as the table that `ImuSpec.from_dict` reads, with all its digits."""
-    from dataclasses import fields
+    import numpy as np
 
     out: dict[str, Any] = {"name": spec.name, "source": spec.source}
     customary = spec.describe()
     for section, part in (("gyro", spec.gyro), ("accelerometer", spec.accelerometer)):
-        units = {key: text.split(" ", 1)[1] for key, text in customary[section].items()}
-        out[section] = {
-            f.name: f"{to_unit(getattr(part, f.name), units[f.name])!r} {units[f.name]}"
-            for f in fields(part)
-            if f.name in units
-        }
+        units = {key: text.rsplit(" ", 1)[1] for key, text in customary[section].items()}
+        values = {key: np.atleast_1d(part.by_axis(key)).tolist() for key in units}
+        out[section] = {key: text_of(values[key], unit, None) for key, unit in units.items()}
     if spec.dropout:
         out["dropout"] = f"{spec.dropout!r} 1"
     return out

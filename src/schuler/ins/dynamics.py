@@ -39,8 +39,10 @@ class GroupNoise:
     ----------
     walk : float or (k,) array_like
         Power density: variance that grows by a second.
-    sigma, time : float
-        Of a first-order Gauss-Markov process; time infinite for a constant.
+    sigma : float or (k,) array_like
+        Of a first-order Gauss-Markov process.
+    time : float
+        Its correlation time; infinite for a constant.
     source : str
         What the noise counts as in a budget.
 
@@ -51,7 +53,7 @@ class GroupNoise:
     """
 
     walk: ArrayLike = 0.0
-    sigma: float = 0.0
+    sigma: ArrayLike = 0.0
     time: float = np.inf
     source: str = "start"
 
@@ -104,7 +106,7 @@ class ProcessNoise:
             walk[place] = each.walk
             source[place] = sources.index(each.source)
             if np.isfinite(each.time):
-                bound[place], fade[place] = each.sigma**2, 1.0 / each.time
+                bound[place], fade[place] = np.square(each.sigma), 1.0 / each.time
         return cls(walk, bound, fade, source, sources)
 
 
@@ -130,14 +132,17 @@ def instrument_noise(layout: Layout, spec: ImuSpec | None) -> dict[str, GroupNoi
     noise = {
         "phi": GroupNoise(gyro.white**2, source="gyro_angle_random_walk"),
         "velocity": GroupNoise(accel.white**2, source="accelerometer_velocity_random_walk"),
-        "gyro_bias": GroupNoise(gyro.drift**2, source="gyro_bias"),
-        "accelerometer_bias": GroupNoise(accel.drift**2, source="accelerometer_bias"),
+        "gyro_bias": GroupNoise(gyro.by_axis(gyro.DRIFT) ** 2, source="gyro_bias"),
+        "accelerometer_bias": GroupNoise(
+            accel.by_axis(accel.DRIFT) ** 2, source="accelerometer_bias"
+        ),
     }
     for name, part, source in (
         ("gyro_markov", gyro, "gyro_bias"), ("accelerometer_markov", accel, "accelerometer_bias"),
     ):  # fmt: skip
         if part.gauss_markov:
-            noise[name] = GroupNoise(0.0, part.gauss_markov, part.gauss_markov_time, source)
+            sigma = part.by_axis("gauss_markov")
+            noise[name] = GroupNoise(0.0, sigma, part.gauss_markov_time, source)
     return {name: each for name, each in noise.items() if name in layout}
 
 
@@ -146,7 +151,7 @@ LONGEST_CYCLE = 300.0
 over more, what a filter has learnt of a bias is forgotten anyway, s."""
 
 
-def instability_walk(part: GyroSpec | AccelerometerSpec, span: float) -> float:
+def instability_walk(part: GyroSpec | AccelerometerSpec, span: float) -> float | Array:
     """Return the power density of a bias's walk that stands for its instability over a span.
 
     Flicker noise has the density B^2 / (2 pi f), a walk q / (2 pi f)^2: they agree at f = 1 / T
@@ -164,10 +169,11 @@ def instability_walk(part: GyroSpec | AccelerometerSpec, span: float) -> float:
     >>> instability_walk(GRADES["navigation-rlg"].gyro, 60.0) >= 0.0
     True
     """
-    return float(2.0 * np.pi * part.bias_instability**2 / min(max(span, 1.0), LONGEST_CYCLE))
+    power = 2.0 * np.pi * part.by_axis("bias_instability") ** 2
+    return power / min(max(span, 1.0), LONGEST_CYCLE)
 
 
-def instrument_prior(layout: Layout, spec: ImuSpec | None) -> dict[str, float]:
+def instrument_prior(layout: Layout, spec: ImuSpec | None) -> dict[str, float | Array]:
     """Return 1 sigma of each group of sensor errors before anything is measured.
 
     Parameters
@@ -182,14 +188,18 @@ def instrument_prior(layout: Layout, spec: ImuSpec | None) -> dict[str, float]:
     >>> sorted(instrument_prior(layout, spec))
     ['gyro_bias']
     """
-    sigma = {"gyro_bias": LEAST_GYRO_BIAS, "accelerometer_bias": LEAST_ACCELEROMETER_BIAS}
+    sigma: dict[str, float | Array] = {
+        "gyro_bias": LEAST_GYRO_BIAS, "accelerometer_bias": LEAST_ACCELEROMETER_BIAS,
+    }  # fmt: skip
     if spec is not None:
         gyro, accel = spec.gyro, spec.accelerometer
         sigma = {
-            "gyro_bias": max(gyro.bias, LEAST_GYRO_BIAS),
-            "accelerometer_bias": max(accel.bias, LEAST_ACCELEROMETER_BIAS),
-            "gyro_markov": gyro.gauss_markov, "accelerometer_markov": accel.gauss_markov,
-            "gyro_scale": gyro.scale_factor, "accelerometer_scale": accel.scale_factor,
+            "gyro_bias": np.maximum(gyro.by_axis("bias"), LEAST_GYRO_BIAS),
+            "accelerometer_bias": np.maximum(accel.by_axis("bias"), LEAST_ACCELEROMETER_BIAS),
+            "gyro_markov": gyro.by_axis("gauss_markov"),
+            "accelerometer_markov": accel.by_axis("gauss_markov"),
+            "gyro_scale": gyro.by_axis("scale_factor"),
+            "accelerometer_scale": accel.by_axis("scale_factor"),
         }  # fmt: skip
     return {name: each for name, each in sigma.items() if name in layout}
 

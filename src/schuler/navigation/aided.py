@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -54,7 +55,7 @@ from schuler.navigation.aiding_options import AidingOptions
 from schuler.navigation.outages import Outages
 from schuler.navigation.start import Start
 from schuler.record import ImuRecord
-from schuler.sensors import CONSUMER_MEMS, ImuSpec
+from schuler.sensors import CONSUMER_MEMS, ImuSpec, load_spec
 
 __all__ = ["navigate_aided"]
 
@@ -78,7 +79,7 @@ def navigate_aided(
     gnss: GnssFixes,
     *,
     start: Start | None = None,
-    spec: ImuSpec | None = None,
+    spec: ImuSpec | str | Path | None = None,
     speeds: Sequence[BodySpeed] = (),
     aids: Sequence[Aid | CustomMeasurement] = (),
     options: AidingOptions | None = None,
@@ -95,7 +96,7 @@ def navigate_aided(
     start : Start, optional
         Attitude and velocity at the first fix within the record; found from rest and the first
         motion when not given.
-    spec : ImuSpec, optional
+    spec : ImuSpec, str or path, optional
         The instrument; a MEMS of consumer grade when not given.
     speeds : sequence of BodySpeed
     aids : sequence of Height, HeadingFixes, BodyVelocity, ZeroRate or CustomMeasurement
@@ -123,6 +124,7 @@ def navigate_aided(
     record, gnss = common_span(record, gnss)
     check_clock(record, gnss)
     rests = rests_of(record, gnss)
+    spec = load_spec(spec)
     instrument = spec or UNSPECIFIED
     bias, bias_sigma = bias_at_rest(record, rests, instrument)
     # Of the bias that rest did not show, the coarse stage has to know.

@@ -77,7 +77,7 @@ def rests_of(record: ImuRecord, gnss: GnssFixes) -> Rests:
 
 def bias_at_rest(record: ImuRecord, rests: Rests, spec: ImuSpec) -> tuple[Array, Array]:
     """Return the gyro bias to start from, and its 1-sigma, rad/s."""
-    prior = np.full(3, max(spec.gyro.bias, 1e-9))
+    prior = np.full(3, np.maximum(spec.gyro.by_axis("bias"), 1e-9))
     if spec.gyro.bias < _COARSE or not len(rests.spans):
         return np.zeros(3), prior
     early = rests.time <= rests.spans[0, 1] + 30.0
@@ -259,8 +259,10 @@ def noise_of(
     noise["velocity"] = replace(noise["velocity"], walk=white**2)
     for group, least in (("gyro_bias", 1e-7), ("accelerometer_bias", 1e-7)):
         part = spec.gyro if group == "gyro_bias" else spec.accelerometer
-        walk = float(np.max(np.asarray(noise[group].walk))) + instability_walk(part, span)
-        noise[group] = GroupNoise(max(walk, (least * part.bias) ** 2), source=noise[group].source)
+        walk = np.asarray(noise[group].walk) + instability_walk(part, span)
+        noise[group] = GroupNoise(
+            np.maximum(walk, (least * part.bias) ** 2), source=noise[group].source
+        )
     return ProcessNoise.of(layout, noise)
 
 

@@ -132,7 +132,7 @@ class Navigator:
                 work[:n, k] = 0.0
         g, a = spec.gyro, spec.accelerometer
         variances = ErrorStates(np.diag(work[:n]).copy())
-        variances.gyro_bias, variances.accel_bias = g.bias**2, a.bias**2
+        variances.gyro_bias, variances.accel_bias = g.by_axis("bias") ** 2, a.by_axis("bias") ** 2
         np.fill_diagonal(work[:n], variances.data)
         noise = ErrorNoise.zeros()
         noise.gyro_white, noise.accel_white = g.white**2, a.white**2

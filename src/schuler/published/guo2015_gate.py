@@ -20,6 +20,7 @@ from schuler.prefilter import Chain, Gate, LowPass, Prefilter
 from schuler.published.result import Row, conditions, misalignment, std_error
 from schuler.sensors import load_spec
 from schuler.simulation import simulate
+from schuler.units import percent
 
 __all__ = ["gate_block", "gate_chains", "gate_rows"]
 
@@ -88,7 +89,7 @@ def gate_rows(case: dict[str, Any], found: dict[str, Array]) -> list[Row]:
         }.get(name, [None] * 3)
         spread = found[name].std(axis=0, ddof=1)
         share = found.get(f"rejected: {name}")
-        gate = "" if share is None else f"; the gate rejects {100 * share.mean():.2g} % of samples"
+        gate = "" if share is None else f"; the gate rejects {percent(share.mean())} of samples"
         error = std_error(found[name])
         rows += [
             Row(f"disturbed vehicle, std {what}: {name}", "arcmin", printed[i], spread[i], best[i],

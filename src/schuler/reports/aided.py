@@ -31,6 +31,7 @@ from schuler.reports.page import (
     contradiction_box,
     definition_table,
 )
+from schuler.trajectory import Trajectory
 
 __all__ = ["aided_page"]
 
@@ -53,7 +54,7 @@ def aided_page(found: AidedNavigation, evaluation: Evaluation | None = None) -> 
     """
     path = found.path
     said = " + ".join(f"{n} {escape(name)}" for name, n in found.used.items())
-    value, sub = f"{path.time[-1] - path.time[0]:.6g} s aided", said
+    value, sub = _stated(path, said)
     rows: list[tuple[str, str]] = []
     if found.outages is not None:
         o = found.outages
@@ -92,6 +93,18 @@ def aided_page(found: AidedNavigation, evaluation: Evaluation | None = None) -> 
             Section("Estimates", html=definition_table(rows, "At the end, ± 1 sigma")),
         ],
     )  # fmt: skip
+
+
+def _stated(path: Trajectory, said: str) -> tuple[str, str]:
+    """Return the horizontal sigma at the end, or the duration where none is known, and of what."""
+    span = f"{path.time[-1] - path.time[0]:.6g} s aided"
+    if path.sigma is None:
+        return span, said
+    east, north, _ = path.sigma["position_enu_m"]
+    return (
+        f"± {np.hypot(east, north):.2g} m",
+        f"1 sigma of the horizontal position at the end of {span} by {said}",
+    )
 
 
 def _thin(n: int) -> NDArray[np.int64]:

@@ -14,7 +14,7 @@ from schuler.allan_variance.output import in_si, term_text, unit_of
 from schuler.reports.figure import scatter
 from schuler.reports.figures import BLUE, GREEN, ORANGE, figure_of, plot_layout
 from schuler.reports.page import Drawing, Page, Section, definition_table
-from schuler.units import to_unit
+from schuler.units import percent, to_unit
 
 __all__ = ["allan_page", "noise_page"]
 
@@ -200,7 +200,7 @@ def _table(fit: NoiseFit) -> str:
                 f"<br><small>{escape(in_si(name, place, found.terms[t]))}</small></td>"
                 for place, t in enumerate(terms)
             )
-            misfit = f"{100 * found.misfit:.2g} %" if found.misfit else "by chance"
+            misfit = percent(found.misfit) if found.misfit else "by chance"
             body += (
                 f'<tr><th scope="row">{escape(name.replace("_", " "))}</th>{cells}'
                 f"<td>{escape(misfit)}</td></tr>"

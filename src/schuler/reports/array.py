@@ -75,9 +75,10 @@ def faults_page(found: FaultScan) -> Page:
     """
     data = found.to_dict()
     alarms = [e for e in found.events if e.action != "taken back"]
+    word = "fault" if len(alarms) == 1 else "faults"
     head = (
         f"<h1>Faults · {escape(data['array'])}</h1>"
-        f'<p class="value">{len(alarms)} <span class="pm">fault(s)</span></p>'
+        f'<p class="value">{len(alarms)} <span class="pm">{word}</span></p>'
         f'<p class="sub">In {data["windows"]} windows of {data["window_s"]:g} s; false alarms '
         f"{data['false_alarm_rate']:g} a window, {data['false_alarms_per_hour']:.3g} an hour. In "
         f"use at the end: {', '.join(map(str, found.working))} of {len(found.test.array)}.</p>"

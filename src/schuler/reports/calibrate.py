@@ -12,6 +12,7 @@ from schuler.constants import DEG_PER_HOUR, MICRO_G
 from schuler.reports.figure import bar, scatter
 from schuler.reports.figures import BLUE, GREY, ORANGE, figure_of, plot_layout
 from schuler.reports.page import Drawing, Page, Section, definition_table
+from schuler.units import percent
 
 __all__ = ["doppler_page", "poses_page", "systematic_page", "table_page"]
 
@@ -222,7 +223,7 @@ def doppler_page(fit: BodyVelocityFit) -> Page:
     head = (
         f"<h1>Doppler log · {escape(fit.name)}</h1>"
         f'<p class="value">{100 * fit.scale:+.3f} % <span class="pm">± '
-        f"{100 * fit.scale_sigma:.2g} %</span></p>"
+        f"{percent(fit.scale_sigma)}</span></p>"
         f'<p class="sub">scale factor, from {fit.rows} rows; {fit.residual_rms:.3g} m/s rms left'
         "</p>"
     )

@@ -140,22 +140,29 @@ def _singular(values: Array) -> Drawing:
 
 def _table(rows: list[dict[str, Any]]) -> str:
     def cell(value: float | None, form: str) -> str:
-        return f"<td>{'–' if value is None else format(value, form)}</td>"
+        return "–" if value is None else format(value, form)
 
+    columns = ["unit", "sigma", "estimate", "true", "error, %", "published true",
+               "published estimate"]  # fmt: skip
     body = []
     for row in rows:
         true, estimate = row["true"], row["estimate"]
         off = 100 * (estimate / true - 1) if estimate is not None and true else None
-        body.append(
-            f'<tr><th scope="row">{escape(row["name"])}</th><td>{escape(row["unit"])}</td>'
-            + cell(row["sigma"], ".3g") + cell(estimate, ".5g") + cell(true, ".5g")
-            + cell(off, "+.2f") + cell(row["published_true"], "g")
-            + cell(row["published_estimate"], "g") + "</tr>"
-        )  # fmt: skip
-    head = ("", "unit", "sigma", "estimate", "true", "error, %", "published true",
-            "published estimate")  # fmt: skip
+        body.append([
+            escape(row["unit"]), cell(row["sigma"], ".3g"), cell(estimate, ".5g"),
+            cell(true, ".5g"), cell(off, "+.2f"), cell(row["published_true"], "g"),
+            cell(row["published_estimate"], "g"),
+        ])  # fmt: skip
+    # What was not simulated has no estimate and no truth.
+    shown = [k for k in range(len(columns)) if any(cells[k] != "–" for cells in body)]
+    lines = [
+        f'<tr><th scope="row">{escape(row["name"])}</th>'
+        + "".join(f"<td>{cells[k]}</td>" for k in shown) + "</tr>"
+        for row, cells in zip(rows, body, strict=True)
+    ]  # fmt: skip
+    head = ("", *(columns[k] for k in shown))
     return (
         "<table><caption>Coefficients: what the test shows of them</caption><thead><tr>"
         + "".join(f'<th scope="col">{h}</th>' if h else "<td></td>" for h in head)
-        + "</tr></thead><tbody>" + "".join(body) + "</tbody></table>"
+        + "</tr></thead><tbody>" + "".join(lines) + "</tbody></table>"
     )  # fmt: skip

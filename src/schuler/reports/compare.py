@@ -11,6 +11,7 @@ from schuler.alignment.compare import Comparison
 from schuler.reports.figure import scatter
 from schuler.reports.figures import BLUE, figure_of, plot_layout
 from schuler.reports.page import Drawing, Page, Section, contradiction_box, definition_table
+from schuler.units import percent
 
 __all__ = ["comparison_page", "records_page"]
 
@@ -121,7 +122,7 @@ def records_page(found: RecordComparison) -> Page:
         "<h1>Two records of one pose</h1>"
         + contradiction_box(found.contradictions)
         + f'<p class="value">{value}</p><p class="sub">chi-square {found.chi_square:.3g} of three '
-        f"degrees of freedom: as large by chance in {100.0 * found.probability:.2g} % where the "
+        f"degrees of freedom: as large by chance in {percent(found.probability)} where the "
         "poses are the same</p>"
     )
     return Page(

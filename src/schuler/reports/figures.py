@@ -44,7 +44,12 @@ def plot_layout(height: int, x: str, y: str, **more: Any) -> dict[str, Any]:
         "hovermode": "x unified",
         "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
         "xaxis": {"title": {"text": x}, "zeroline": False},
-        "yaxis": {"title": {"text": y}, "zeroline": False, "automargin": True},
+        # Marks may be wide: the title stands off from the widest.
+        "yaxis": {
+            "title": {"text": y, "standoff": 8},
+            "zeroline": False,
+            "automargin": True,
+        },
         **more,
     }
 

@@ -106,7 +106,7 @@ def windows_section(w: MovingWindows) -> Section:
     """Return the section of the windows of a drive."""
     time = np.array([each.time for each in w.each]) - w.whole.start
     off, sigma = w.off / DEG, w.off_sigma / DEG
-    layout = plot_layout(320, _TIME, "window less smoothed heading, deg", hovermode="closest")
+    layout = plot_layout(320, _TIME, "window less smoothed, deg", hovermode="closest")
     edge: Array = np.array([0.0, w.whole.duration])
     traces = [
         line_of(edge, np.zeros(2), "smoothed heading of the whole", BLUE, hoverinfo="skip"),

@@ -23,6 +23,10 @@ __all__ = ["Drawing", "Page", "Section", "contradiction_box", "definition_table"
 _LONG = 4
 """Sections from which a page has links to them."""
 
+_TABLE = re.compile(r"<table.*?</table>", re.DOTALL)
+_FEW_ROWS = 20
+"""Rows of a table that is printed on one page."""
+
 _CELL = re.compile(r"<td>([^<]+)</td>")
 _SHORT = 36
 """Characters of a cell that is not broken: a number with its unit, not a sentence."""
@@ -105,8 +109,13 @@ def _contents(sections: Sequence[Section]) -> str:
 
 def _tables(html: str) -> str:
     """Return HTML whose tables can be scrolled by themselves, and whose numbers stay whole."""
-    html = html.replace("<table", '<div class="table"><table').replace("</table>", "</table></div>")
-    return _CELL.sub(_whole, html)
+    return _CELL.sub(_whole, _TABLE.sub(_framed, html))
+
+
+def _framed(table: re.Match[str]) -> str:
+    """Return a table in a frame that scrolls; a short one is not cut where it is printed."""
+    short = " short" if table[0].count("<tr") <= _FEW_ROWS else ""
+    return f'<div class="table{short}">{table[0]}</div>'
 
 
 def _whole(cell: re.Match[str]) -> str:

@@ -56,9 +56,10 @@ def plan_page(plans: Sequence[Plan]) -> Page:
         "<h1>Plan of a centrifuge test</h1>"
         f'<p class="value">{best.objective:.4g} <span class="pm">{LABELS[name]}</span></p>'
         f'<p class="sub">{len(best.positions)} positions of {problem.dwell:g} s; {escape(told)}. '
-        f"Worst sigma {100 * best.worst_relative_sigma:.3g} % of a coefficient. "
-        f"{sum(p.evaluations for p in plans)} evaluations in "
-        f"{sum(p.seconds for p in plans):.1f} s.</p>"
+        f"Worst sigma {100 * best.worst_relative_sigma:.3g} % of a coefficient. The search cost "
+        f"{sum(p.evaluations for p in plans)} evaluations, "
+        f"{sum(p.seconds for p in plans):.1f} s; the test takes "
+        f"{len(best.positions) * problem.dwell:g} s at its positions.</p>"
     )
     return Page("Plan of a centrifuge test", head, sections)
 

@@ -33,15 +33,17 @@ def rotation_page(found: RotationComparison) -> Page:
     case, m = found.case, found.metres()
     one = 100.0 * (1.0 - m["single_axis"] / m["fixed"])
     two = m["fixed"] / np.maximum(m["two_axis"], 1e-9)
+    less = 100.0 * (1.0 - 1.0 / two)
     near = int(np.argmin(np.abs(case.latitudes - case.site.lat)))
     lat = float(case.latitudes[near])
     head = (
         f"<h1>Rotation · {escape(case.name)}</h1>"
-        f'<p class="value">{one[near].min():.0f} to {one[near].max():.0f} % '
-        f'<span class="pm">by one axis</span></p>'
-        f'<p class="sub">Reduction of the position error after {case.duration / 3600:g} h at '
-        f"latitude {lat:g}°, over all headings; two axes make it at least {two[near].min():.1f} "
-        "times smaller. Where one axis seems to do harm, the fixed errors cancel by luck.</p>"
+        f'<p class="value">{np.median(one[near]):.0f} % <span class="pm">less by one axis, '
+        f"{np.median(less[near]):.1f} % by two</span></p>"
+        f'<p class="sub">Position error after {case.duration / 3600:g} h at latitude {lat:g}°, the '
+        f"median over all headings: {one[near].min():.0f} to {one[near].max():.0f} % by one axis, "
+        f"{less[near].min():.1f} to {less[near].max():.1f} % by two. Where one axis does harm, the "
+        "errors of the fixed instrument cancel by chance.</p>"
     )
     e = case.errors
     rows = [

@@ -8,6 +8,7 @@ from schuler.alignment.transfer import FreeRun, TransferAlignment
 from schuler.constants import ARCMIN
 from schuler.reports.figures import BLUE, GREY, ORANGE, POINTS, figure_of, line_of, plot_layout
 from schuler.reports.page import Drawing, Section, definition_table
+from schuler.units import percent
 
 __all__ = ["transfer_sections"]
 
@@ -17,7 +18,7 @@ _COLOURS = (BLUE, ORANGE, GREY)
 def transfer_sections(fix: TransferAlignment) -> list[Section]:
     """Return the sections of what was seen, and of the slave alone where it was let go."""
     rows = [
-        (name, f"{100.0 * left:.2g} %" + (" (not seen)" if name in fix.not_observable else ""))
+        (name, percent(left) + (" (not observable)" if name in fix.not_observable else ""))
         for name, left in fix.remaining.items()
     ]
     table = definition_table(rows, "What is left of each state's 1-sigma")

@@ -76,15 +76,18 @@ def draw(part: GyroSpec | AccelerometerSpec, rng: np.random.Generator) -> Imperf
     lean = np.zeros((3, 3))
     lean[0, 1], lean[0, 2], lean[1, 2] = z[3]
     matrix = (
-        np.diag(part.scale_factor * z[1])
+        np.diag(part.by_axis("scale_factor") * z[1])
         - part.misalignment * skew(z[2])
         + part.non_orthogonality * lean
     )
+    force = (
+        np.reshape(part.by_axis("g_sensitivity"), (-1, 1)) if isinstance(part, GyroSpec) else 0.0
+    )
     return Imperfections(
-        bias=part.bias * z[0],
+        bias=part.by_axis("bias") * z[0],
         matrix=matrix,
-        asymmetry=part.scale_factor_asymmetry * z[4],
-        g_sensitivity=getattr(part, "g_sensitivity", 0.0) * z[5:8],
-        g2_sensitivity=part.g2_sensitivity * z[8],
-        temperature=part.temperature_sensitivity * rng.standard_normal(3),
+        asymmetry=part.by_axis("scale_factor_asymmetry") * z[4],
+        g_sensitivity=np.reshape(force, (-1, 1)) * z[5:8],
+        g2_sensitivity=part.by_axis("g2_sensitivity") * z[8],
+        temperature=part.by_axis("temperature_sensitivity") * rng.standard_normal(3),
     )

@@ -8,20 +8,30 @@ at tau is N^2/tau + (2 ln2/pi) B^2 + K^2 tau/3 + 3 Q^2/tau^2.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from schuler._files import read_toml
 from schuler.errors import InputError, located, near
+from schuler.sensors.by_axis import Ratios, parse_figure, ratios_of, rms, text_of
+from schuler.sensors.grade_tables import GRADE_TABLES
 from schuler.units import parse, to_unit
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+_ONE_VALUE = ("gauss_markov_time", "misalignment", "non_orthogonality", "full_scale")
+"""Figures of a triad, not of an axis."""
 
 __all__ = ["GRADES", "AccelerometerSpec", "GyroSpec", "ImuSpec", "load_spec"]
 
 
 @dataclass(frozen=True)
 class _TriadSpec:
-    """What gyros and accelerometers share; 1-sigma per axis, SI."""
+    """What gyros and accelerometers share; 1-sigma, the rms over the axes, SI."""
 
     bias: float = 0.0
     quantisation: float = 0.0
@@ -35,9 +45,13 @@ class _TriadSpec:
     g2_sensitivity: float = 0.0
     temperature_sensitivity: float = 0.0
     full_scale: float = 0.0
+    ratios: tuple[tuple[str, Ratios], ...] = ()
+    """Of figures that differ by axis: x, y and z over the rms."""
 
     def __post_init__(self) -> None:
         for item in fields(self):
+            if item.name == "ratios":
+                continue
             value = getattr(self, item.name)
             if not (math.isfinite(value) and value >= 0):
                 raise InputError(
@@ -45,6 +59,40 @@ class _TriadSpec:
                 )
         if self.gauss_markov and not self.gauss_markov_time:
             raise InputError("gauss_markov needs its correlation time, gauss_markov_time")
+        for name, _ in self.ratios:
+            if name in _ONE_VALUE:
+                raise InputError(f"{name} has one value for all axes; give one")
+
+    def by_axis(self, name: str) -> float | NDArray[np.float64]:
+        """Return a figure of each axis: one number where all have the same, (3,) where not.
+
+        Examples
+        --------
+        >>> unit = sc.ImuSpec.from_dict({"gyro": {"bias": "1, 2, 2 deg/h"}, "accelerometer": {}})
+        >>> [round(float(b) * 1e6, 2) for b in unit.gyro.by_axis("bias")]
+        [4.85, 9.7, 9.7]
+        """
+        value: float = getattr(self, name)
+        for each, ratios in self.ratios:
+            if each == name:
+                import numpy as np
+
+                return value * np.array(ratios)
+        return value
+
+    def with_axes(self, **values: Sequence[float]) -> Self:
+        """Return the same errors with figures of x, y and z.
+
+        Examples
+        --------
+        >>> spec.gyro.with_axes(bias=[1e-8, 2e-8, 2e-8]).by_axis("bias").shape
+        (3,)
+        """
+        kept = {name: ratios for name, ratios in self.ratios if name not in values}
+        found = {name: ratios_of(each) for name, each in values.items()}
+        kept |= {name: ratios for name, ratios in found.items() if ratios is not None}
+        figures: dict[str, Any] = {name: rms(each) for name, each in values.items()}
+        return replace(self, **figures, ratios=tuple(kept.items()))
 
 
 @dataclass(frozen=True)
@@ -82,6 +130,8 @@ class GyroSpec(_TriadSpec):
     1e-06
     """
 
+    WHITE: ClassVar[str] = "angle_random_walk"
+    DRIFT: ClassVar[str] = "rate_random_walk"
     angle_random_walk: float = 0.0
     rate_random_walk: float = 0.0
     g_sensitivity: float = 0.0
@@ -130,6 +180,8 @@ class AccelerometerSpec(_TriadSpec):
     5e-05
     """
 
+    WHITE: ClassVar[str] = "velocity_random_walk"
+    DRIFT: ClassVar[str] = "acceleration_random_walk"
     velocity_random_walk: float = 0.0
     acceleration_random_walk: float = 0.0
 
@@ -183,12 +235,12 @@ _ACCEL_KEYS = {
 _LARGER = {"ug": "mg", "deg/h": "deg/s", "ug/sqrt(Hz)": "mg/sqrt(Hz)", "mm/s": "m/s"}
 
 
-def _with_unit(value: float, unit: str) -> str:
-    number = to_unit(value, unit)
-    if number >= 1000.0 and unit in _LARGER:
-        unit = _LARGER[unit]
-        number = to_unit(value, unit)
-    return f"{number:.4g} {unit}"
+def _with_unit(part: _TriadSpec, name: str, unit: str) -> str:
+    """Return a figure, or those of x, y and z, in the customary unit or the next larger one."""
+    if to_unit(getattr(part, name), unit) >= 1000.0:
+        unit = _LARGER.get(unit, unit)
+    values = part.by_axis(name)
+    return text_of([values] if isinstance(values, float | int) else values.tolist(), unit)
 
 
 @dataclass(frozen=True)
@@ -227,26 +279,24 @@ class ImuSpec:
                 f"instrument specification: unknown key '{sorted(extra)[0]}'; "
                 "known: name, source, dropout, [gyro], [accelerometer]"
             )
-        parts = []
+        parts: list[dict[str, Any]] = []
         for section, keys in (("gyro", _GYRO_KEYS), ("accelerometer", _ACCEL_KEYS)):
             table = data.get(section)
             if not isinstance(table, dict):
                 raise InputError(f"instrument specification: the section [{section}] is missing")
-            values = {}
+            values: dict[str, float] = {}
+            ratios: list[tuple[str, Ratios]] = []
             for key, text in table.items():
                 if key not in keys:
                     raise InputError(
                         f"instrument specification: unknown key '{section}.{key}'; "
                         f"known: {', '.join(keys)}"
                     )
-                value = parse(text, keys[key][0], f"{section}.{key}")
-                if value < 0:
-                    raise InputError(
-                        f"instrument specification: {section}.{key} = '{text}' is negative; "
-                        "give a 1-sigma magnitude"
-                    )
+                value, each = parse_figure(text, keys[key][0], f"{section}.{key}")
                 values[key] = value
-            parts.append(values)
+                if each is not None:
+                    ratios.append((key, each))
+            parts.append({**values, "ratios": tuple(ratios)})
         dropout = parse(data["dropout"], "ratio", "dropout") if "dropout" in data else 0.0
         if not 0.0 <= dropout < 0.5:
             raise InputError(
@@ -308,47 +358,16 @@ class ImuSpec:
             ("accelerometer", self.accelerometer, _ACCEL_KEYS),
         ):
             out[section] = {
-                f.name: _with_unit(getattr(part, f.name), keys[f.name][1])
+                f.name: _with_unit(part, f.name, keys[f.name][1])
                 for f in fields(part)
-                if getattr(part, f.name) > 0
+                if f.name != "ratios" and getattr(part, f.name) > 0
             }
         return out
 
 
-_GRADES: dict[str, dict[str, Any]] = {
-    "navigation-rlg": {
-        "source": "Honeywell HG9900 product sheet (0.003 deg/h, 0.002 deg/sqrt(h), 25 ug)",
-        "gyro": {"bias": "0.003 deg/h", "angle_random_walk": "0.002 deg/sqrt(h)"},
-        "accelerometer": {"bias": "25 ug", "velocity_random_walk": "20 ug/sqrt(Hz)"},
-    },
-    "navigation-fog": {
-        "source": "typical 1 nmi/h fibre-optic unit; Groves (2013), tables 4.1-4.3, aviation grade",
-        "gyro": {"bias": "0.01 deg/h", "angle_random_walk": "0.003 deg/sqrt(h)"},
-        "accelerometer": {"bias": "50 ug", "velocity_random_walk": "20 ug/sqrt(Hz)"},
-    },
-    "tactical-fog": {
-        "source": "Northrop Grumman LN-200 product sheet (1 deg/h, 0.07 deg/sqrt(h), 300 ug)",
-        "gyro": {"bias": "1 deg/h", "angle_random_walk": "0.07 deg/sqrt(h)"},
-        "accelerometer": {"bias": "300 ug", "velocity_random_walk": "50 ug/sqrt(Hz)"},
-    },
-    "industrial-mems": {
-        "source": "Analog Devices ADIS16488A data sheet, typical values",
-        "gyro": {
-            "bias": "720 deg/h",
-            "angle_random_walk": "0.26 deg/sqrt(h)",
-            "bias_instability": "5.1 deg/h",
-        },
-        "accelerometer": {
-            "bias": "16 mg",
-            "velocity_random_walk": "0.029 m/s/sqrt(h)",
-            "bias_instability": "70 ug",
-        },
-    },
-}
-
 #: named grades, 1-sigma figures with their sources
 GRADES: dict[str, ImuSpec] = {
-    name: ImuSpec.from_dict(table, name) for name, table in _GRADES.items()
+    name: ImuSpec.from_dict(table, name) for name, table in GRADE_TABLES.items()
 }
 
 

@@ -147,8 +147,9 @@ class FaultScan(Result):
         data = self.to_dict()
         count = len(self.test.array)
         found = [e for e in self.events if e.action != "taken back"]
+        word = "fault" if len(found) == 1 else "faults"
         lines = [
-            f"{data['array']}: {len(found)} fault(s) in {data['windows']} windows of "
+            f"{data['array']}: {len(found)} {word} in {data['windows']} windows of "
             f"{data['window_s']:g} s; in use at the end: {', '.join(map(str, self.working))} of "
             f"{count}",
             f"noise {data['noise_deg_sqrt_h']:.3g} deg/sqrt(h); false alarms "

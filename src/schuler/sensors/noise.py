@@ -50,8 +50,11 @@ class _Normal:
 class _Processes:
     """Gauss-Markov processes and random walks on m axes that are drawn equally often."""
 
-    def __init__(self, every: int, step: float, axes: int, rng: np.random.Generator) -> None:
+    def __init__(
+        self, every: int, step: float, axes: int, rng: np.random.Generator, ratios: Array | None
+    ) -> None:
         self.every, self.step, self.normal = every, step, _Normal(rng)
+        self.ratios = ratios
         self.rho: list[float] = []
         self.kick: list[float] = []
         self.state = np.zeros((0, axes))
@@ -77,12 +80,15 @@ class _Processes:
         from schuler.kernels.noise import gauss_markov
 
         n, axes = out.shape
+        noise = out if self.ratios is None else np.zeros_like(out)
         left = (self.every - int(self.place[0])) % self.every
         draws = 0 if n <= left else (n - left + self.every - 1) // self.every
         gauss_markov(
             self.every, np.array(self.rho), np.array(self.kick), self.step, self.place,
-            self.state, self.line, self.normal(draws, len(self.rho), axes), out,
+            self.state, self.line, self.normal(draws, len(self.rho), axes), noise,
         )  # fmt: skip
+        if self.ratios is not None:
+            out += self.ratios * noise
 
 
 class NoiseTrain:
@@ -99,6 +105,11 @@ class NoiseTrain:
     rng : numpy.random.Generator
     longest : float
         Length of the record, s: 1/f noise is made of processes up to a hundred times longer.
+
+    Raises
+    ------
+    InputError
+        If the specification is by axis, of three, and there are not three axes.
     """
 
     def __init__(
@@ -109,32 +120,44 @@ class NoiseTrain:
         rng: np.random.Generator,
         longest: float,
     ) -> None:
-        self._white = part.white * float(np.sqrt(step))
+        self._white: float | Array = part.by_axis(part.WHITE) * float(np.sqrt(step))
+        ratios = {name: np.array(each) for name, each in part.ratios}
+        if ratios and axes != 3:
+            raise InputError(
+                f"the specification has figures of three axes, and there are {axes} sensors: give "
+                "one value of each"
+            )
         self._normal = _Normal(rng)
-        wanted: list[tuple[float, float]] = []
+        wanted: list[tuple[float, float, str]] = []
         if part.bias_instability:
             sigma = part.bias_instability * float(np.sqrt(np.log(10.0) / _PER_DECADE / np.pi))
             # What forgets within a sample is white to the record.
             below = 1.0 - 10.0 ** (-1.0 / _PER_DECADE)
             first = _FASTEST * step
             fast = 2.0 * sigma**2 * first * 10.0 ** (-1.0 / _PER_DECADE) / below
-            self._white = float(np.hypot(self._white, np.sqrt(fast * step)))
+            share = ratios.get("bias_instability", 1.0)
+            self._white = np.hypot(self._white, share * np.sqrt(fast * step))
             low, high = np.log10(first), np.log10(100.0 * max(longest, 10.0 * step))
-            wanted += [(sigma, float(t)) for t in 10.0 ** np.arange(low, high, 1.0 / _PER_DECADE)]
+            times = 10.0 ** np.arange(low, high, 1.0 / _PER_DECADE)
+            wanted += [(sigma, float(t), "bias_instability") for t in times]
         if part.gauss_markov:
-            wanted.append((part.gauss_markov, part.gauss_markov_time))
+            wanted.append((part.gauss_markov, part.gauss_markov_time, "gauss_markov"))
         if part.drift:
-            wanted.append((part.drift, float("inf")))
-        self._processes: dict[int, _Processes] = {}
-        for sigma, tau in wanted:
+            wanted.append((part.drift, float("inf"), part.DRIFT))
+        self._processes: dict[tuple[int, str], _Processes] = {}
+        for sigma, tau, name in wanted:
             often = 4 if np.isinf(tau) else int(min(tau / step / _SMOOTH, _EVERY[0]))
             every = next(e for e in _EVERY if e <= max(often, 1))
-            group = self._processes.setdefault(every, _Processes(every, step, axes, rng))
+            # Processes with the same ratios from axis to axis are summed before they are spread.
+            key = every, name if name in ratios else ""
+            group = self._processes.setdefault(
+                key, _Processes(every, step, axes, rng, ratios.get(name))
+            )
             group.include(sigma, tau)
 
     def make(self, out: Array) -> None:
         """Fill `out` (n, axes) with the next noise increments."""
-        if self._white:
+        if np.any(self._white):
             np.multiply(self._white, self._normal(*out.shape), out=out)
         else:
             out[:] = 0.0
@@ -186,7 +209,8 @@ class Instrument:
         if spec is not None:
             parts = (spec.gyro, spec.accelerometer)
             self._most[:] = np.repeat([p.full_scale for p in parts], 3)
-            self._grain[:] = np.sqrt(12.0) * np.repeat([p.quantisation for p in parts], 3)
+            steps = [np.full(3, p.by_axis("quantisation")) for p in parts]
+            self._grain[:] = np.sqrt(12.0) * np.concatenate(steps)
             if rng is not None:
                 # The rounding's phase: where in its step each sum begins.
                 self._state[:6] = self._grain * rng.uniform(0.0, 1.0, 6)
@@ -256,7 +280,7 @@ def corrupt(
     """
     n, m = increments.shape
     if bias is None:
-        constant = np.multiply(part.bias, rng.standard_normal(m))
+        constant = np.multiply(part.by_axis("bias"), rng.standard_normal(m))
     else:
         constant = np.asarray(bias, np.float64)
         if constant.shape != (m,):
@@ -268,7 +292,7 @@ def corrupt(
     NoiseTrain(part, step, m, rng, n * step).make(noise)
     out: Array = increments + constant * step + noise
     if part.quantisation:
-        grain = part.quantisation * np.sqrt(12.0)
+        grain = part.by_axis("quantisation") * np.sqrt(12.0)
         total = np.cumsum(out, axis=0) + grain * rng.uniform(0, 1, m)
         out = np.diff(np.floor(total / grain), axis=0, prepend=0.0) * grain
     return Drawn(out, constant)

@@ -228,7 +228,7 @@ def process_noise(
     white = max(spec.accelerometer.white, vibration)
     noise["velocity"] = replace(noise["velocity"], walk=white**2)
     for group, part in (("gyro_bias", spec.gyro), ("accelerometer_bias", spec.accelerometer)):
-        walk = float(np.max(np.asarray(noise[group].walk))) + instability_walk(part, span)
+        walk = np.asarray(noise[group].walk) + instability_walk(part, span)
         noise[group] = GroupNoise(walk, source=noise[group].source)
     return ProcessNoise.of(layout, {**noise, **(more or {})}, _SOURCES)
 
