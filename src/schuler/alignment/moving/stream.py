@@ -23,6 +23,7 @@ from schuler._blas import with_one_blas_thread
 from schuler.aiding import GnssFixes
 from schuler.aiding.fix_rows import COLUMNS
 from schuler.alignment.moving.align import instrument_of, prepare
+from schuler.alignment.moving.fine import KNOWN
 from schuler.alignment.moving.fix_queue import COUNTS, FixQueue
 from schuler.alignment.moving.result import MovingAlignment
 from schuler.alignment.moving.running import RunningAlignment
@@ -50,6 +51,9 @@ time since the start."""
 
 _FORGET = 0.25
 """What is forgotten of the kept samples when they show no heading and are full."""
+
+_LONGER = 4.0
+"""So many times as long samples are kept while the heading is not known to two degrees."""
 
 _MOST_SAMPLES = 400_000
 """That are kept, whatever `keep` says: 26 MB, and passes of two seconds."""
@@ -226,7 +230,11 @@ class MovingStream:
         if self.time >= self._next:
             self._look()
         span, count = self.time - self._kept[0].start, sum(map(len, self._kept))
-        if span < self.setting.keep and count < _MOST_SAMPLES:
+        keep = self.setting.keep
+        if self._run is not None and self._run.heading_sigma > KNOWN:
+            # Passes about a heading that is far off leave their error in what a filter makes of it.
+            keep *= _LONGER
+        if span < keep and count < _MOST_SAMPLES:
             return
         if self._run is None:
             self._forget(span)
