@@ -158,15 +158,17 @@ def run_pass(
 
     `late` is the 1-sigma of the heading that is enough after two minutes, rad.
     """
-    begin = record.start
-    while begin < record.end - 1e-9:
-        chunk = record.between(begin, begin + CHUNK)
-        begin += CHUNK
-        if not len(chunk):
-            continue
-        flt.update(chunk)
-        if correct:
-            correct_if_known(flt, begin - record.start, late)
+    middle = record.time - 0.5 * record.dt
+    mark, done = record.start, 0
+    while correct and not flt.feedback and mark < record.end - 1e-9:
+        mark += CHUNK
+        stop = int(np.searchsorted(middle, mark, side="right"))
+        if stop > done:
+            flt.update(record.rows(done, stop))
+            correct_if_known(flt, mark - record.start, late)
+        done = stop
+    # Nothing is left to be decided, and any chunking gives the same bits.
+    flt.update(record.rows(done, len(record)))
 
 
 def _moved_place(lat: float, lon: float, height: float, off: Array) -> tuple[float, float, float]:
