@@ -17,6 +17,7 @@ from schuler.cli.common import gravity_options, say_warnings, site_options, site
 from schuler.cli.completion import methods, prefilters, specs
 from schuler.cli.live_aids import (
     aid_counts,
+    counts_on_page,
     feed_aids,
     live_aid_options,
     live_aids_taken,
@@ -294,7 +295,7 @@ class _Page(AbstractContextManager["_Page"]):
         """Show a solution, or that there is none yet."""
         for text in notes:
             self._page.note(text)
-        self._page.update(fix, session.counts(), session.spans, silent=silent,
+        self._page.update(fix, counts_on_page(session), session.spans, silent=silent,
                           trouble=session.trouble)  # fmt: skip
         self._server.show()
 
