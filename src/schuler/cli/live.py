@@ -314,7 +314,8 @@ def _line(session: LiveSession, fix: SpanFix, contradictions: list[str]) -> None
     """Print a solution as one line of JSON."""
     data = {
         **fix.alignment.to_dict(), "schema": "schuler.live/1", "counts": session.counts(),
-        "span": fix.span, "spans": session.spans, "contradictions": contradictions,
+        "span": fix.span, "spans": session.spans,
+        "contradictions": [*fix.alignment.contradictions, *contradictions],
         **aid_counts(session),
     }  # fmt: skip
     echo(json.dumps(data, allow_nan=False))
@@ -346,6 +347,8 @@ class _Screen(AbstractContextManager["_Screen"]):
         if fix is None:
             text.append("waiting for enough samples\n", style="dim")
         else:
+            if fix.contradictions:
+                text.append(f"INCONSISTENT: {'; '.join(fix.contradictions)}\n", style="bold red")
             self._way = [*self._way[-59:], fix.heading_deg]
             text.append(f"heading {fix.heading_deg:9.4f} deg ± {fix.sigma_arcmin[2]:.3g}'\n",
                         style="bold")  # fmt: skip
