@@ -16,6 +16,7 @@ from schuler.cli.command import CONTRADICTED, Command, echo
 from schuler.cli.common import gravity_options, say_warnings, site_options, site_or_none
 from schuler.cli.completion import methods, prefilters, specs
 from schuler.cli.live_aids import (
+    MAX_GAP,
     aid_counts,
     counts_on_page,
     feed_aids,
@@ -79,7 +80,8 @@ _ENOUGH = 10_000
 )
 @click.option("--depth", type=Count(4, 4096), default=64, show_default=True,
               help="Samples held while one is missing.")  # fmt: skip
-@click.option("--max-gap", type=Seconds(above=0.0), default=5.0, help="Longest bridged gap.")
+@click.option("--max-gap", type=Seconds(above=0.0),
+              help="Longest bridged gap (5s; in motion 0.5s).")  # fmt: skip
 @click.option("--every", type=Seconds(above=0.0), default=1.0, help="Time between solutions.")
 @click.option("--idle", type=Seconds(above=0.0), help="End after so long without a sample.")
 @click.option("--checkpoint", type=OutputFile(), metavar="FILE",
@@ -134,6 +136,8 @@ def command(**options: Any) -> int:
     site = None if aids is not None else site_or_none(options)
     if site is None and aids is None:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
+    if options["max_gap"] is None:
+        options["max_gap"] = 5.0 if aids is None else MAX_GAP
     source, checkpoint, lines = options["source"], options["checkpoint"], options["json_to"]
     every, idle = options["every"], options["idle"]
     if options["cold_start"] and checkpoint is None:
