@@ -17,7 +17,7 @@ from schuler.alignment.method import Method
 from schuler.alignment.methods import METHODS
 from schuler.alignment.result import Alignment
 from schuler.earth import Site
-from schuler.errors import InputError
+from schuler.errors import InputError, located
 from schuler.io.reorder import Reorder
 from schuler.record import ImuRecord, Intake
 from schuler.sensors import ImuSpec
@@ -326,6 +326,7 @@ class LiveAligner:
             None if expected < 0 else expected,
             {sample[0]: sample for sample in held},
         )
-        self.intake.restore(arrays)
-        self._takes.restore(arrays, name="live")
+        with located(path):
+            self.intake.restore(arrays)
+            self._takes.restore(arrays, name="live")
         return more

@@ -177,6 +177,24 @@ def test_a_state_of_another_alignment_is_refused(drive, tmp_path):
         session(checkpoint=path)
 
 
+def test_samples_that_mean_nothing_end_no_session():
+    """Noise that no vehicle gives, beside fixes of one that drives: said to be no heading."""
+    from schuler.io.packets import encode_frame
+
+    rng = np.random.default_rng(0)
+    made = truth_of(car(), 30.0, 50.0)
+    live = session()
+    noise = [
+        (float(t), encode_frame(k, float(t) + UTC_DAY, list(rng.normal(0.0, 0.15, 6)),
+                                "increments"))
+        for k, t in enumerate(made.record.time)
+    ]  # fmt: skip
+    give(live, in_turn(noise, sentences(fixes(made), UTC_DAY)))
+    outcome = live.finish()
+    assert not outcome.best.alignment.consistent
+    assert outcome.contradictions
+
+
 def test_late_sentences_are_said(drive):
     _, record, gnss = drive
     live = session(latency=0.5)

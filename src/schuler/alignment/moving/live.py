@@ -372,7 +372,9 @@ class MovingLiveSession(LiveSession):
             rest, self._rest = self._rest, b""
             self._samples(rest, None, now)
         for row in self._nmea.finish():
-            self._take_row(row, None)
+            if self._aids.clock.kind != "arrival":
+                # When it came, nobody knows any more.
+                self._take_row(row, None)
         return super().finish(now)
 
     def _apart(self, last: Alignment, before: SpanFix) -> list[str]:

@@ -6,8 +6,6 @@ whole-record alignment run back and forth over the samples that are kept, and ag
 have become a tenth more; between these instants, and when `keep` seconds are full, the filter of
 the last pass runs on. All decisions fall on whole seconds of the stream's own time: any chunking
 gives the same bits.
-
-Source: the backtracking of stored increments is that of in-motion alignment by repeated passes.
 """
 
 from __future__ import annotations
@@ -57,6 +55,9 @@ _LONGER = 4.0
 
 _MOST_SAMPLES = 400_000
 """That are kept, whatever `keep` says: 26 MB, and passes of two seconds."""
+
+_FAILURES = (InputError, ArithmeticError, np.linalg.LinAlgError)
+"""What samples and fixes that mean nothing may end in: no heading, and not the stream."""
 
 _STEP = 0.1
 """Samples that fixes are given up for are taken in steps, s: each step costs some work."""
@@ -288,7 +289,7 @@ class MovingStream:
                 series, self.spec, place, body.start, np.eye(3), np.zeros((3, 3)),
                 estimate_delay="delay" in antenna.estimate,
             )  # fmt: skip
-        except InputError as error:
+        except _FAILURES as error:
             return str(error)
         if not found.heading_sigma <= ENOUGH:
             return f"{antenna.name}: {missing(found, series)}"
@@ -302,7 +303,7 @@ class MovingStream:
             first, rough = prepared.coarse()
             found, taken = prepared.fine(rough, first, self.setting.vibration)
             run = RunningAlignment(prepared, rough, found, taken, self.spec, self._warnings)
-        except InputError as error:
+        except _FAILURES as error:
             # What runs already has the heading; what does not waits for more.
             self.trouble = str(error)
             return
