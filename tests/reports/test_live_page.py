@@ -20,6 +20,7 @@ import pytest
 
 from schuler.alignment import Alignment, LiveSession, align
 from schuler.alignment.session import SpanFix
+from schuler.attitude import euler_to_quat
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.io.packets import encode_frame
@@ -66,6 +67,14 @@ def test_a_solution_is_shown_with_its_sigma_and_what_was_lost(fix: Alignment) ->
     assert state["points"] == [
         [fix.duration, fix.heading_deg, fix.heading_sigma_arcmin, fix.limit_arcmin[2]]
     ]
+
+
+def test_a_heading_that_rounds_to_a_full_turn_is_north(fix: Alignment) -> None:
+    north = replace(fix, quat_nb=euler_to_quat([np.radians(1e-4), 0.0, 0.0]))
+    assert north.heading_deg == pytest.approx(359.9999)
+    page = LivePage("-")
+    page.update(SpanFix(north, 1), {}, 1)
+    assert re.fullmatch(r"0\.0+°", page.state["heading"]["value"])
 
 
 def test_contradictions_stay_and_those_of_the_end_are_added_once(fix: Alignment) -> None:

@@ -203,7 +203,10 @@ def _heading(fix: Alignment) -> dict[str, str]:
     sigma = fix.heading_sigma_arcmin
     if sigma > 60.0 * NO_HEADING:
         return {"value": "no heading", "sigma": f"sigma {_arcmin(sigma)}"}
-    return {"value": f"{fix.heading_deg:.{_digits(sigma)}f}°", "sigma": f"± {_arcmin(sigma)}"}
+    digits = _digits(sigma)
+    # Rounded before it is written: 359.999 is 0.00, and not 360.00.
+    value = round(fix.heading_deg, digits) % 360.0
+    return {"value": f"{value:.{digits}f}°", "sigma": f"± {_arcmin(sigma)}"}
 
 
 def _facts(fix: Alignment) -> list[list[str]]:
