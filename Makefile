@@ -69,6 +69,7 @@ validate: $(VENV)/.with-dev
 	$(BIN)/python -m tests.aiding.rest_table
 	$(BIN)/python -m tests.alignment.moving.figures_table
 	$(BIN)/python -m tests.alignment.moving.methods_table
+	$(BIN)/python -m tests.alignment.moving.stream_table
 	$(BIN)/python -m tests.alignment.moving.invariant_table
 	$(BIN)/python -m tests.alignment.transfer.figures_table
 	SCHULER_LONG=1 $(BIN)/python -m pytest -n 2 --dist worksteal tests/campaigns tests/centrifuge \

@@ -48,3 +48,6 @@ MICRO_G = 1e-6 * STANDARD_GRAVITY
 
 MGAL = 1e-5
 """One milligal, m/s^2."""
+
+STAMP_ROUNDING = 1e-6
+"""Two stamps that are so near are one instant, s: those since 1970 are doubles 2.4e-7 s apart."""

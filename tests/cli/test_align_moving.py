@@ -143,7 +143,7 @@ def test_windows_of_a_drive(run: Run, files: dict[str, Path], root: Path, tmp_pa
         (("--vibration", "0.1"), "--vibration is for an alignment in motion"),
         (("--gnss", "G", "--method", "kalman"), "method of its own"),
         (("--gnss", "G", "--windows", "20h"), "no window of 72000 s is full"),
-        (("--gnss", "G", "--follow"), "method of its own"),
+        (("--gnss", "G", "--follow"), "only text can"),
         (("--gnss", "G", "--estimate", "scale"), "those of --odometer or --dvl"),
         (("--dvl", "D", *PLACE, "--estimate", "delay"), "those of --gnss"),
         (("--dvl", "D", *PLACE, "--delay", "0.1"), "--delay is for --gnss"),

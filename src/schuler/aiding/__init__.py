@@ -6,11 +6,13 @@ of them are read in `schuler.io`, and `schuler.navigation.navigate_aided` puts t
 
 from schuler.aiding.body_velocity import FRAMES, BodyVelocity
 from schuler.aiding.clock import CLOCKS, no_overlap
+from schuler.aiding.fix_rows import FixSetting, rows_of
 from schuler.aiding.gnss import GnssFixes
 from schuler.aiding.heading import HeadingFixes
 from schuler.aiding.height import Height, pressure_height
 from schuler.aiding.speed import BodySpeed
 from schuler.aiding.still import RestDetector, Rests, find_rest
+from schuler.aiding.stream_clock import StreamClock
 from schuler.aiding.zero_rate import ZeroRate
 from schuler.aiding.zero_velocity import ZeroVelocity
 
@@ -19,14 +21,17 @@ __all__ = [
     "FRAMES",
     "BodySpeed",
     "BodyVelocity",
+    "FixSetting",
     "GnssFixes",
     "HeadingFixes",
     "Height",
     "RestDetector",
     "Rests",
+    "StreamClock",
     "ZeroRate",
     "ZeroVelocity",
     "find_rest",
     "no_overlap",
     "pressure_height",
+    "rows_of",
 ]

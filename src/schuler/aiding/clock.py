@@ -6,6 +6,7 @@ import calendar
 import re
 
 from schuler.errors import InputError
+from schuler.units import time_text
 
 __all__ = ["CLOCKS", "no_overlap", "utc_of_zero"]
 
@@ -101,7 +102,9 @@ def no_overlap(
     if not likely and abs(off) >= _DAY:
         likely = "; are both clocks of the same kind (GPS week, day, UTC, the logger's own)?"
     return InputError(
-        f"{name}: its times, {CLOCKS[clock]}, are from t = {span[0]:.9g} to {span[1]:.9g} s, and "
-        f"those of the record from {record[0]:.9g} to {record[1]:.9g} s: they share too "
+        f"{name}: its times, {CLOCKS[clock]}, are from t = {time_text(span[0])} to "
+        f"{time_text(span[1])} s, and "
+        f"those of the record from {time_text(record[0])} to {time_text(record[1])} s: they "
+        "share too "
         f"little{likely}; an offset of the aid's times brings them together"
     )

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.aiding.clock import CLOCKS
 from schuler.earth import radii
 from schuler.errors import InputError
+from schuler.units import time_text
 
 __all__ = ["GnssFixes"]
 
@@ -64,6 +65,8 @@ class GnssFixes:
         A fix stamped t is valid at t - delay, s.
     estimate : tuple of str
         Which of "lever" and "delay" are estimated.
+    delay_sigma : float
+        1-sigma of a delay that is estimated, before anything is measured, s.
     name : str
     dropped : mapping of str to int
         Rows that were left out, by reason.
@@ -102,6 +105,7 @@ class GnssFixes:
     lever: ArrayLike = (0.0, 0.0, 0.0)
     delay: float = 0.0
     estimate: tuple[str, ...] = ()
+    delay_sigma: float = field(default=0.3, kw_only=True)
     name: str = "gnss"
     dropped: Mapping[str, int] = field(default_factory=dict)
     clock: str = "unstated"
@@ -144,6 +148,10 @@ class GnssFixes:
         if not (np.isfinite(self.delay) and abs(self.delay) < 10.0):
             raise InputError(f"{self.name}: a delay is less than 10 s, got {self.delay}")
         dropped = dict(self.dropped)
+        if not 0.0 < self.delay_sigma < 10.0:
+            raise InputError(
+                f"{self.name}: 1-sigma of a delay is above 0 and below 10 s, got {self.delay_sigma}"
+            )
         keep = _usable(columns, dropped)
         order = np.flatnonzero(keep)
         late = int(np.sum(np.diff(time[order]) < 0.0))
@@ -277,7 +285,8 @@ def _usable(columns: Mapping[str, Array], dropped: dict[str, int]) -> NDArray[np
     if np.any(wrong):
         k = int(np.flatnonzero(wrong)[0])
         raise InputError(
-            f"a fix at t = {columns['time'][k]:.9g} s has latitude {lat[k]:.6g} rad, longitude "
+            f"a fix at t = {time_text(columns['time'][k])} s has latitude {lat[k]:.6g} rad, "
+            "longitude "
             f"{lon[k]:.6g} rad and height {height[k]:.6g} m, which is no place: check its units "
             "and that latitude and longitude are not exchanged"
         )

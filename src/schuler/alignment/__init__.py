@@ -20,10 +20,12 @@ from schuler.alignment.methods import (
     KalmanAlignment,
     parse_method,
 )
+from schuler.alignment.moving.live import LiveAids, MovingLiveSession
 from schuler.alignment.moving.manoeuvres import VEHICLES, DrivePlan, plan_drive
 from schuler.alignment.moving.path_bound import PathLimit, limit_on, planned_fixes, record_on
 from schuler.alignment.moving.planned import PathTable, PlannedAid, path_table
 from schuler.alignment.moving.result import MovingAlignment
+from schuler.alignment.moving.stream import MovingStream, StreamSetting
 from schuler.alignment.moving.windows import MovingWindows, align_moving_windows
 from schuler.alignment.next_position import Fixture, Suggestion, suggest_position
 from schuler.alignment.result import Alignment
@@ -58,10 +60,13 @@ __all__ = [
     "LatitudeFix",
     "Limit",
     "LimitTable",
+    "LiveAids",
     "LiveAligner",
     "LiveSession",
     "Method",
     "MovingAlignment",
+    "MovingLiveSession",
+    "MovingStream",
     "MovingWindows",
     "PathLimit",
     "PathTable",
@@ -70,6 +75,7 @@ __all__ = [
     "Problem",
     "RecordComparison",
     "Residual",
+    "StreamSetting",
     "Suggestion",
     "Windows",
     "align",

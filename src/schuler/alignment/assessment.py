@@ -117,9 +117,8 @@ def assess(
         notes.append(_NO_HEADING)
     elif result.least_bias > 0.0:
         wider = found.spec or ImuSpec(GyroSpec(), AccelerometerSpec(), name="none")
-        held = result.least_bias * (1.0 if spec is None else _STUDENT)
         try:
-            wider = with_gyro_bias(wider, held)
+            wider = with_gyro_bias(wider, result.least_bias)
             _, larger, settled = _relinearised(whole, wider, again(whole, wider, None), again)
             if not settled and len(larger.positions) > 1:
                 larger = _unknown(larger)
@@ -132,6 +131,10 @@ def assess(
                 # It moves no estimate: only what is said of it has to grow.
                 budget = {**found.budget, "gyro_bias": larger.budget["gyro_bias"]}
                 larger = replace(found, budget=budget)
+        if spec is not None and "gyro_bias" in larger.budget and not larger.positions:
+            # The estimate stays: a wider prior would give its weights away.
+            budget = {**larger.budget, "gyro_bias": _STUDENT**2 * larger.budget["gyro_bias"]}
+            larger = replace(larger, budget=budget)
         found = larger
     shown = result.earth_rate
     if spec is None and result.least_bias == 0.0 and shown is not None and shown.hidden_bias > 0.0:

@@ -78,8 +78,16 @@ def write_checkpoint(
         temporary.write_bytes(made.getbuffer())
 
 
-def read_checkpoint(path: str | Path) -> tuple[dict[str, Any], dict[str, NDArray[np.float64]]]:
+def read_checkpoint(
+    path: str | Path, largest: int = LARGEST_FILE
+) -> tuple[dict[str, Any], dict[str, NDArray[np.float64]]]:
     """Return the description and the arrays of a file of `write_checkpoint`.
+
+    Parameters
+    ----------
+    path : str or path
+    largest : int
+        Bytes that such a file may have.
 
     Raises
     ------
@@ -92,13 +100,13 @@ def read_checkpoint(path: str | Path) -> tuple[dict[str, Any], dict[str, NDArray
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):
             raise InputError(f"{path}: is not a regular file, so no saved state")
-        if status.st_size > LARGEST_FILE:
+        if status.st_size > largest:
             raise InputError(
                 f"{path}: is not a saved state ({status.st_size} bytes; none is larger than "
-                f"{LARGEST_FILE})"
+                f"{largest})"
             )
         with path.open("rb") as file:
-            data = file.read(LARGEST_FILE)
+            data = file.read(largest)
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise

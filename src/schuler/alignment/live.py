@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schuler._version import __version__
 from schuler.alignment.aligner import Aligner
-from schuler.alignment.checkpoint import read_checkpoint, write_checkpoint
+from schuler.alignment.checkpoint import LARGEST_FILE, read_checkpoint, write_checkpoint
 from schuler.alignment.method import Method
 from schuler.alignment.methods import METHODS
 from schuler.alignment.result import Alignment
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.io.reorder import Reorder
-from schuler.record import Intake
+from schuler.record import ImuRecord, Intake
 from schuler.sensors import ImuSpec
 
 __all__ = ["LiveAligner"]
@@ -61,6 +62,26 @@ def fill(before: list[Sample], samples: list[Sample]) -> list[Sample]:
     return out
 
 
+class TakesSamples(Protocol):
+    """What samples in order are given to."""
+
+    @property
+    def samples(self) -> int:
+        """Samples taken so far."""
+
+    def update(self, chunk: ImuRecord) -> Any:
+        """Take samples that follow."""
+
+    def solution(self) -> Alignment:
+        """Return the alignment so far."""
+
+    def arrays(self) -> dict[str, NDArray[np.float64]]:
+        """Return the state."""
+
+    def restore(self, arrays: dict[str, NDArray[np.float64]], name: str = "record") -> None:
+        """Take up a state."""
+
+
 class LiveAligner:
     """Take the samples of one stream in any order; give the alignment at any time.
 
@@ -98,6 +119,8 @@ class LiveAligner:
     'heading 29'
     """
 
+    largest_state = LARGEST_FILE
+
     def __init__(
         self,
         site: Site,
@@ -122,6 +145,11 @@ class LiveAligner:
                 "blocks can: emd-velocity(block=100 s)"
             )
         self._name = method if isinstance(method, str) else str(self.aligner.method)
+        self._begin(self.aligner, kind, depth, max_gap)
+
+    def _begin(self, takes: TakesSamples, kind: str, depth: int, max_gap: float) -> None:
+        """Begin with nothing, for what takes samples in order."""
+        self._takes = takes
         self._max_gap = max_gap
         self.intake = Intake(kind, max_gap=max_gap, name="live")
         self.order = Reorder(depth)
@@ -131,7 +159,7 @@ class LiveAligner:
     @property
     def samples(self) -> int:
         """Samples that were aligned so far."""
-        return self.aligner.samples
+        return self._takes.samples
 
     @property
     def last_number(self) -> int | None:
@@ -157,7 +185,7 @@ class LiveAligner:
         self._take(self.order.flush())
         rest = self.intake.close()
         if len(rest):
-            self.aligner.update(rest)
+            self._takes.update(rest)
 
     def _take(self, came: list[Sample]) -> None:
         samples: list[Sample] = []
@@ -176,7 +204,7 @@ class LiveAligner:
         time = np.array([s[1] for s in samples])
         chunk = self.intake.push(time, np.array([s[2] for s in samples]))
         if len(chunk):
-            self.aligner.update(chunk)
+            self._takes.update(chunk)
 
     def solution(self) -> Alignment:
         """Return the alignment so far.
@@ -186,7 +214,7 @@ class LiveAligner:
         InputError
             If there are too few samples yet.
         """
-        return self.aligner.solution()
+        return self._takes.solution()
 
     def counts(self) -> dict[str, int]:
         """Return what became of the samples."""
@@ -222,6 +250,12 @@ class LiveAligner:
                 "the checkpoint or the prefilter"
             )
 
+    def _check(self, arrays: Mapping[str, NDArray[np.float64]]) -> None:
+        """Raise a `LayoutError` where saved arrays are not those of such an aligner."""
+        from schuler.alignment.live_layout import check_state
+
+        check_state(arrays, self.order.depth, self.intake.kind)
+
     def save(self, path: str | Path, **more: Any) -> None:
         """Write the state (npz), whole or not at all.
 
@@ -237,7 +271,7 @@ class LiveAligner:
             If the file cannot be written, or the method has a prefilter.
         """
         self.check_saved()
-        arrays = {**self.aligner.arrays(), **self.intake.arrays()}
+        arrays = {**self._takes.arrays(), **self.intake.arrays()}
         for name, samples in (("held", list(self.order.held.values())), ("before", self._before)):
             rows = [[n, t, *v] for n, t, v in samples]
             arrays[name] = np.array(rows, np.float64).reshape(len(rows), 8)
@@ -262,10 +296,10 @@ class LiveAligner:
             If the file cannot be read, is damaged, or belongs to another alignment, saying what
             differs. Nothing was taken up then.
         """
-        from schuler.alignment.live_layout import LayoutError, check_state
+        from schuler.alignment.live_layout import LayoutError
 
         self.check_saved()
-        meta, arrays = read_checkpoint(path)
+        meta, arrays = read_checkpoint(path, self.largest_state)
         for key, value in json.loads(json.dumps(self._meta())).items():
             if meta.get(key) != value:
                 raise InputError(
@@ -274,7 +308,7 @@ class LiveAligner:
                 )
         more = meta.get("more")
         try:
-            check_state(arrays, self.order.depth, self.intake.kind)
+            self._check(arrays)
         except LayoutError as error:
             raise InputError(f"{path}: is damaged ({error})") from None
         if not isinstance(more, dict):
@@ -293,5 +327,5 @@ class LiveAligner:
             {sample[0]: sample for sample in held},
         )
         self.intake.restore(arrays)
-        self.aligner.restore(arrays, name="live")
+        self._takes.restore(arrays, name="live")
         return more

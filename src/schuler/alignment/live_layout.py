@@ -13,7 +13,7 @@ from schuler.kernels.layout import LayoutError, check_arrays, check_intake, view
 from schuler.kernels.states import LARGEST, IntakeRow, IntakeState, TrackerState
 from schuler.kernels.tracker_layout import check_aligner
 
-__all__ = ["HeldSample", "LayoutError", "check_state"]
+__all__ = ["HeldSample", "LayoutError", "check_packets", "check_state"]
 
 Array = NDArray[np.float64]
 
@@ -59,13 +59,38 @@ def check_state(arrays: Mapping[str, Array], depth: int, kind: str) -> None:
     LayoutError
         Saying which array breaks the layout, and where.
     """
-    check_intake(arrays)
+    check_packets(arrays, depth, kind)
     check_aligner(arrays)
+    samples = TrackerState(arrays["tracker"]).samples
+    before, intake = HeldSample(arrays["before"]), IntakeState(arrays["intake"])
+    # The intake holds rows back until those after them show that they are good.
+    nominal = arrays["intake_nominal"][0]
+    if nominal and not (
+        samples and len(before.data) and intake.last_time == before.time[-1]
+        and intake.done_time == arrays["tracker_tail"][0, -1]
+    ):  # fmt: skip
+        raise LayoutError("the arrays end at different times")
+    if not nominal and samples:
+        raise LayoutError("array 'tracker' has samples that the intake did not give")
+
+
+def check_packets(arrays: Mapping[str, Array], depth: int, kind: str) -> None:
+    """Check what a saved state holds of samples that are not aligned yet.
+
+    Parameters
+    ----------
+    arrays, depth, kind
+        As of `check_state`.
+
+    Raises
+    ------
+    LayoutError
+        Saying which array breaks the layout, and where.
+    """
+    check_intake(arrays)
     check_arrays(arrays, _LAYOUT)
     held, before = HeldSample(arrays["held"]), HeldSample(arrays["before"])
     expected = Order(arrays["order"]).expected
-    samples = TrackerState(arrays["tracker"]).samples
-    intake = IntakeState(arrays["intake"])
     many, some = len(held.data), len(before.data)
     if many > depth or len(np.unique(held.number)) < many:
         raise LayoutError("array 'held' has more samples than are held, or one twice")
@@ -76,15 +101,6 @@ def check_state(arrays: Mapping[str, Array], depth: int, kind: str) -> None:
         or (some and before.number[-1] + 1 > expected)
     ):  # fmt: skip
         raise LayoutError("array 'before' is out of order")
-    # The intake holds rows back until those after them show that they are good.
-    nominal = arrays["intake_nominal"][0]
-    if nominal and not (
-        samples and some and intake.last_time == before.time[-1]
-        and intake.done_time == arrays["tracker_tail"][0, -1]
-    ):  # fmt: skip
-        raise LayoutError("the arrays end at different times")
-    if not nominal and samples:
-        raise LayoutError("array 'tracker' has samples that the intake did not give")
     _check_samples(arrays, kind)
 
 

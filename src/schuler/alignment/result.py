@@ -20,6 +20,7 @@ from schuler.constants import ARCMIN, DEG
 from schuler.earth import Site
 from schuler.record import Summary
 from schuler.sensors import ImuSpec
+from schuler.units import time_text
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -344,7 +345,7 @@ class Alignment(Result):
             f"pitch {self.pitch_deg:.4f} deg, roll {self.roll_deg:.4f} deg "
             f"(tilt ± {east:.2g}' east, ± {north:.2g}' north)",
             f"{self.method}, {self.duration:.6g} s, {self.samples} samples, "
-            f"attitude at the {self.at} (t = {self.time:.9g} s)",
+            f"attitude at the {self.at} (t = {time_text(self.time)} s)",
         ]
         if self.why:
             lines.append(f"chosen because {self.why}")

@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from schuler.io.packets import REASONS as PACKET_REASONS
 from schuler.io.streams import REASONS as STREAM_REASONS
 from schuler.io.streams import Part, Streams
 from schuler.sensors import ImuSpec
+from schuler.units import time_text
 
 __all__ = ["LiveSession", "Outcome", "SpanFix"]
 
@@ -143,11 +145,12 @@ class LiveSession:
 
     def _resume(self, path: Path, cold_start: bool) -> None:
         try:
-            kind = read_checkpoint(path)[0].get("kind")
+            kind = read_checkpoint(path, self._live.largest_state)[0].get("kind")
             live = self._aligner(kind if kind in KINDS else self._live.intake.kind)
             more = live.load(path)
             with located(path):
                 self._streams.resume(more.get("stream"), live.recent())
+                self._take_more(more)
         except InputError as error:
             # A device or a pipe is not put aside: it is not the file of a state.
             path = path.resolve()
@@ -169,6 +172,13 @@ class LiveSession:
         self._live, self._counted = live, False
         self.spans = 1
         self._notes.append(f"resumed from {path}, after {live.samples} samples")
+
+    def _more(self) -> dict[str, Any]:
+        """Return what else belongs to a saved state, for JSON."""
+        return {}
+
+    def _take_more(self, more: dict[str, Any]) -> None:
+        """Take up what else was saved; an `InputError` where it is damaged."""
 
     def warm_up(self) -> None:
         """Compile or load all that an alignment needs, before samples come that would be lost."""
@@ -223,7 +233,8 @@ class LiveSession:
             if samples[0] is not part.samples[0]:
                 self._begin_span(self._live.intake.kind)
                 self._notes.append(
-                    f"no sample came before t = {samples[0].time:.9g} s for longer than can be "
+                    f"no sample came before t = {time_text(samples[0].time)} s for longer than "
+                    "can be "
                     f"bridged; span {self.spans} begins"
                 )
             try:
@@ -314,7 +325,7 @@ class LiveSession:
         if self._checkpoint is None or not self.spans:
             return
         try:
-            self._live.save(self._checkpoint, stream=self._streams.describe())
+            self._live.save(self._checkpoint, stream=self._streams.describe(), **self._more())
         except InputError as error:
             if not self._save_failed:
                 self._notes.append(f"the state is not saved: {error}; the alignment continues")
@@ -368,15 +379,19 @@ class LiveSession:
                 f"came last, span {self.spans}, could not be aligned ({why})"
             )
             return out
+        return [*out, *self._apart(last, before)]
+
+    def _apart(self, last: Alignment, before: SpanFix) -> list[str]:
+        """Say whether the headings of two spans contradict each other."""
         other = before.alignment
         off = (last.heading_deg - other.heading_deg + 180.0) % 360.0 - 180.0
         sigma = float(np.hypot(last.sigma_arcmin[2], other.sigma_arcmin[2])) / 60.0
-        if abs(off) > _CONTRADICTS * sigma:
-            out.append(
-                f"span {self.spans} has the heading {last.heading_deg:.3f} deg, and span "
-                f"{before.span} {other.heading_deg:.3f} deg: {abs(off) / sigma:.1f} sigma apart"
-            )
-        return out
+        if abs(off) <= _CONTRADICTS * sigma:
+            return []
+        return [
+            f"span {self.spans} has the heading {last.heading_deg:.3f} deg, and span "
+            f"{before.span} {other.heading_deg:.3f} deg: {abs(off) / sigma:.1f} sigma apart"
+        ]
 
 
 def _without_gaps(samples: list[Packet], max_gap: float) -> Iterator[list[Packet]]:

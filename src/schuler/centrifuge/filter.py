@@ -42,21 +42,30 @@ class Ekf:
         Of the propagation, s.
     drift_noise : float
         White noise of the gyros' drift, deg/sqrt(h); the square-root filter has none.
+    first_noise : float
+        Noise of the outputs in the first of several passes, in parts of the plant's: it keeps the
+        filter from being sure before it is near. A single pass has the plant's own.
 
     Examples
     --------
     >>> Ekf(passes=2, square_root=True)
-    Ekf(passes=2, square_root=True, step=0.005, drift_noise=0.0)
+    Ekf(passes=2, square_root=True, step=0.005, drift_noise=0.0, first_noise=10.0)
     """
 
     passes: int = 4
     square_root: bool = False
     step: float = 0.005
     drift_noise: float = 0.0
+    first_noise: float = 10.0
 
     def __post_init__(self) -> None:
         if self.passes < 1:
             raise InputError(f"a filter runs through the test once or more, got {self.passes}")
+        if not self.first_noise >= 1:
+            raise InputError(
+                f"the noise of a filter's first pass must be 1 or more times the plant's, got "
+                f"{self.first_noise:g}"
+            )
         if not self.step > 0 or not self.drift_noise >= 0:
             raise InputError("a filter's step must be positive and its drift noise 0 or more")
         if self.square_root and self.drift_noise > 0:
@@ -184,6 +193,7 @@ def fit_platform(
     start = nominal.copy()
     for lap in range(method.passes):
         innovation_sums = np.zeros(2)
+        wider = method.first_noise if lap == 0 and method.passes > 1 else 1.0
         held = np.diag(np.concatenate([sigma, np.zeros(6)]))
         if not method.square_root:
             held = held**2
@@ -200,7 +210,7 @@ def fit_platform(
             filter_position(
                 state, off, held, begun[k], rows[k], plant.order_number, plant.gyro_axes,
                 plant.turning, levels[k], plant.omega, plant.earth, method.step, every,
-                plant.terms, (1e-6 * plant.noise) ** 2, walk, lap > 0,
+                plant.terms, (1e-6 * wider * plant.noise) ** 2, walk, lap > 0,
                 int(method.square_root), innovation_sums,
             )  # fmt: skip
             _refuse_divergence(state, held, k, method.square_root)

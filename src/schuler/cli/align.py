@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from schuler import __version__
-from schuler.cli.align_moving import align_in_motion, motion_options, motion_taken
+from schuler.cli.align_moving import (
+    align_in_motion,
+    follow_in_motion,
+    motion_options,
+    motion_taken,
+)
 from schuler.cli.align_transfer import align_by_master, transfer_options, transfer_taken
 from schuler.cli.command import CONTRADICTED, echo, wants_text
 from schuler.cli.common import (
@@ -32,6 +37,7 @@ from schuler.cli.completion import methods, prefilters, specs
 from schuler.cli.many import ManyCommand
 from schuler.cli.parameters import InputFile, NamesOption, Seconds, method_names, prefilter_names
 from schuler.errors import InputError
+from schuler.units import time_text
 
 if TYPE_CHECKING:
     from schuler.alignment import Alignment, Windows
@@ -123,10 +129,15 @@ def command(**options: Any) -> int:
     latitude_too, by_master = options.pop("find_latitude"), transfer_taken(options)
     aids = motion_taken(options) if by_master is None else None
     if aids is not None or by_master is not None:
-        if latitude_too or follow or name != "auto" or prefilter is not None:
+        if latitude_too or name != "auto" or prefilter is not None:
             raise InputError(
-                "an alignment in motion has a method of its own: leave out --method, --prefilter, "
-                "--find-latitude and --follow beside --gnss, --odometer, --dvl and --master"
+                "an alignment in motion has a method of its own: leave out --method, --prefilter "
+                "and --find-latitude beside --gnss, --odometer, --dvl and --master"
+            )
+        if follow and (by_master is not None or at == "start"):
+            raise InputError(
+                "--follow gives the attitude at the end, by --gnss in motion: leave out --at start "
+                "and --master"
             )
         if by_master is not None:
             if window is not None:
@@ -136,6 +147,10 @@ def command(**options: Any) -> int:
                 calibration_from, _with_source,
             )  # fmt: skip
         assert aids is not None
+        if follow:
+            return follow_in_motion(
+                options, aids, spec, idle, (json_to, report_to), calibration_from, _with_source
+            )
         return align_in_motion(
             options, aids, spec, at, (start, stop), (json_to, report_to), calibration_from,
             _with_source, window,
@@ -236,13 +251,13 @@ def _with_source(
         "file": str(source.path),
         "format": source.format,
         "read as": source.meaning,
-        "span": f"{fix.start:.9g} to {fix.end:.9g} s",
+        "span": f"{time_text(fix.start)} to {time_text(fix.end)} s",
         "latitude": f"{site.lat:.7g} deg",
         "longitude": f"{site.lon:.7g} deg",
         "height": f"{site.height:g} m",
         "gravity": f"{site.gravity:.6f} m/s^2",
         "method": repr(fix.method),
-        "attitude at": f"{fix.at} (t = {fix.time:.9g} s)",
+        "attitude at": f"{fix.at} (t = {time_text(fix.time)} s)",
         "specification": "none" if fix.spec is None else fix.spec.name,
         "schuler": __version__,
     }

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import sys
+import time as clock
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -16,18 +19,31 @@ from schuler.cli.aid_options import (
 )
 from schuler.cli.command import CONTRADICTED, echo, wants_text
 from schuler.cli.common import draw, emit_json, open_file, progress, say_warnings, site_or_none
-from schuler.cli.parameters import InputFile, Number
+from schuler.cli.parameters import InputFile, Number, Seconds
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.alignment import Alignment, MovingWindows
     from schuler.record import ImuRecord
 
-__all__ = ["align_in_motion", "motion_options", "motion_taken", "read_whole", "say_alignment"]
+__all__ = [
+    "align_in_motion",
+    "follow_in_motion",
+    "motion_options",
+    "motion_taken",
+    "read_whole",
+    "say_alignment",
+]
+
+_FOLLOWED_LATENCY = 10.0
+"""Files are written in blocks: fixes may come so much later than samples, s."""
+
+_BETWEEN = 0.5
+"""Between two lines of a record that is followed, s."""
 
 _AIDS = ("gnss", "odometer", "dvl")
 _KEYS = (*_AIDS, "dvl_frame", "dvl_lever", "gnss_sigma", "lever", "delay", "estimate", "vibration",
-         "zupt", *BESIDE)  # fmt: skip
+         "latency", "zupt", *BESIDE)  # fmt: skip
 
 
 class _AutoNumber(Number):
@@ -76,6 +92,10 @@ def motion_options(function: Any) -> Any:
             help="Least velocity random walk on the vehicle (as the record shows it).",
         ),
         *beside_options(),
+        click.option(
+            "--latency", type=Seconds(0.0),
+            help="With --follow: how much later than the record fixes may come (10s).",
+        ),
         click.option(
             "--zupt", is_flag=True, default=None,
             help="Use rest of five seconds and more that record and fixes show.",
@@ -169,6 +189,8 @@ def align_in_motion(
     from schuler.io.span import parse_record_time
     from schuler.sensors import load_spec
 
+    if aids["latency"] is not None:
+        raise InputError("--latency goes with --follow")
     given = _read_aids(aids)
     source, finish = open_file(options, None, load_spec(spec))
     site = site_or_none(options, source)
@@ -191,6 +213,88 @@ def align_in_motion(
         record, site, None, spec, at=at, aiding=[*given, *rest], span=(begin, None),
         vibration=aids["vibration"],
     )  # fmt: skip
+    return say_alignment(finished(fix, source, spec, calibration_from), outputs, finish)
+
+
+def follow_in_motion(
+    options: dict[str, Any], aids: dict[str, Any], spec: str | None, idle: float | None,
+    outputs: tuple[str | None, str | None], calibration_from: str | None, finished: Any,
+) -> int:  # fmt: skip
+    """Align in motion while the record and its fixes grow; return the exit code.
+
+    Parameters
+    ----------
+    options, aids, spec, outputs, calibration_from, finished
+        As of `align_in_motion`.
+    idle : float or None
+        s without a new sample that end it.
+    """
+    from schuler.aiding.fix_rows import FixSetting
+    from schuler.alignment.moving.stream import MovingStream, StreamSetting
+    from schuler.calibration.apply import Calibration
+    from schuler.io.growing_fixes import GrowingFixes
+    from schuler.sensors import load_spec
+
+    other = [key for key in (*_AIDS[1:], "zupt", *BESIDE) if aids[key]]
+    if other or aids["gnss"] is None:
+        name = (other or ["gnss"])[0].replace("_", "-")
+        raise InputError(f"--follow in motion is for --gnss alone, got --{name}")
+    wanted = estimates_of(aids["estimate"])
+    if wanted - {"delay", "lever"}:
+        raise InputError("--estimate takes delay and lever, of --gnss")
+    if "auto" in (aids["lever"], aids["delay"]):
+        raise InputError("--lever and --delay auto are for --master: say --estimate lever,delay")
+    sigma, v_sigma = sigmas_of(aids["gnss_sigma"])
+    antenna = FixSetting(
+        lever_of(aids["lever"], "--lever"), aids["delay"] or 0.0, tuple(sorted(wanted))
+    )
+    latency = _FOLLOWED_LATENCY if aids["latency"] is None else aids["latency"]
+    stream = MovingStream(StreamSetting(spec, antenna, latency, vibration=aids["vibration"]))
+    growing = GrowingFixes(aids["gnss"], sigma=sigma, v_sigma=v_sigma)
+    calibration = None if calibration_from is None else Calibration.from_toml(calibration_from)
+    source, finish = open_file(options, math.inf if idle is None else idle, load_spec(spec))
+    quiet = outputs[0] == "-"
+    screen = sys.stdout.isatty() and not quiet
+    last = 0.0
+
+    def look() -> bool:
+        """Take the fixes that are new; the record goes on."""
+        stream.add(growing.rows())
+        return False
+
+    try:
+        look()
+        for chunk in source.follow(idle=idle, stop=look):
+            stream.update(chunk if calibration is None else calibration.apply(chunk))
+            look()
+            if clock.monotonic() - last < _BETWEEN or stream.starting:
+                continue
+            last = clock.monotonic()
+            fix = stream.solution()
+            line = (
+                f"{fix.end:12.2f} s  heading {fix.heading_deg:9.4f} deg "
+                f"± {fix.sigma_arcmin[2]:.3g}'"
+            )
+            if screen:
+                click.echo(f"\r\x1b[K{line}", nl=False)
+            else:
+                echo(line, err=quiet)
+    except KeyboardInterrupt:
+        # The way to end a live alignment: the result so far is wanted.
+        pass
+    if screen:
+        echo()
+    look()
+    stream.finish()
+    if growing.trouble is not None and not stream.counts["fixes"]:
+        raise InputError(growing.trouble)
+    late = stream.counts["late_fixes"]
+    if late:
+        say_warnings([
+            f"{late} fixes came after the samples of their time had been taken, and were left out: "
+            "a longer --latency waits for such"
+        ])  # fmt: skip
+    fix = stream.solution()
     return say_alignment(finished(fix, source, spec, calibration_from), outputs, finish)
 
 

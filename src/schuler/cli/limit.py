@@ -57,7 +57,8 @@ __all__ = ["command"]
     "aids",
     multiple=True,
     metavar="KIND=SIGMA@RATE",
-    help="With --path, what is measured: gnss=0.1m/s,3m@1Hz, odometer=0.1m/s@10Hz, dvl=...",
+    help="With --path, what is measured: gnss=0.1m/s,3m@1Hz, odometer=0.1m/s@10Hz, dvl=..., "
+    "or master=0.1mrad,0.02m/s@10Hz alone.",
 )
 @click.option(
     "--rate",

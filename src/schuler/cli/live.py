@@ -15,8 +15,17 @@ import click
 from schuler.cli.command import CONTRADICTED, Command, echo
 from schuler.cli.common import gravity_options, say_warnings, site_options, site_or_none
 from schuler.cli.completion import methods, prefilters, specs
+from schuler.cli.live_aids import (
+    aid_counts,
+    feed_aids,
+    live_aid_options,
+    live_aids_taken,
+    moving_session,
+    opened,
+)
 from schuler.cli.parameters import Count, InputFile, OutputFile, Seconds
 from schuler.errors import InputError
+from schuler.units import time_text
 
 if TYPE_CHECKING:
     from schuler.alignment import Alignment
@@ -94,6 +103,7 @@ _ENOUGH = 10_000
     help="Show the page only to who has the key in this file; needed beyond loopback.",
 )
 @click.option("--json", "json_to", is_flag=True, help="One JSON object a line on standard output.")
+@live_aid_options
 def command(**options: Any) -> int:
     """Align samples as they come from SOURCE: udp:PORT, udp:HOST:PORT, serial:DEVICE or -.
 
@@ -111,15 +121,17 @@ def command(**options: Any) -> int:
       schuler live udp:5005 --lat 34.2 --page
       schuler live udp:0.0.0.0:5005 --lat 34.2 --from 192.168.0.7 --key-file imu.key
       cat /dev/ttyUSB0 | schuler live - --lat 34.2 --kind rates --json
+      schuler live udp:5005 --gnss udp:5006 --imu-time utc --spec tactical-fog
     """  # noqa: D301
     from schuler.alignment.methods import parse_method
     from schuler.alignment.session import LiveSession
-    from schuler.io.live_sources import check_sender, open_live_source
+    from schuler.io.live_sources import check_sender
     from schuler.io.packets import read_key
     from schuler.prefilter import parse_prefilter
 
-    site = site_or_none(options)
-    if site is None:
+    aids = live_aids_taken(options)
+    site = None if aids is not None else site_or_none(options)
+    if site is None and aids is None:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
     source, checkpoint, lines = options["source"], options["checkpoint"], options["json_to"]
     every, idle = options["every"], options["idle"]
@@ -127,19 +139,24 @@ def command(**options: Any) -> int:
         raise InputError("--cold-start is about a checkpoint: say --checkpoint")
     sender = None if options["sender"] is None else check_sender(options["sender"], source)
     key = None if options["key_file"] is None else read_key(options["key_file"])
-    method: Any = options["method"]
-    if options["prefilter"] is not None:
-        method = parse_method(method).with_prefilter(parse_prefilter(options["prefilter"]))
-    session = LiveSession(
-        site, options["kind"], method, options["spec"], depth=options["depth"],
-        max_gap=options["max_gap"], key=key, only=sender, checkpoint=checkpoint,
-        cold_start=options["cold_start"],
-    )  # fmt: skip
+    session: LiveSession
+    if site is None:
+        assert aids is not None
+        session = moving_session(options, aids, key, sender)
+    else:
+        method: Any = options["method"]
+        if options["prefilter"] is not None:
+            method = parse_method(method).with_prefilter(parse_prefilter(options["prefilter"]))
+        session = LiveSession(
+            site, options["kind"], method, options["spec"], depth=options["depth"],
+            max_gap=options["max_gap"], key=key, only=sender, checkpoint=checkpoint,
+            cold_start=options["cold_start"],
+        )  # fmt: skip
     show = _page_server(options, every)
     _say_notes(session)
     session.warm_up()
     with ExitStack() as stack:
-        stream = stack.enter_context(open_live_source(source, options["baud"]))
+        stream = stack.enter_context(opened(source, options["baud"], aids))
         interruptions = stack.enter_context(_interruptions())
         page = stack.enter_context(show(stream.name)) if show is not None else None
         if stream.real_time:
@@ -151,9 +168,12 @@ def command(**options: Any) -> int:
         said = False
         for chunk in stream.chunks:
             now = clock.monotonic()
-            if chunk.data:
+            if chunk.second:
+                feed_aids(session, chunk)
+            elif chunk.data:
                 before = session.packets
-                session.feed(chunk.data, chunk.address, now if stream.real_time else None)
+                arrived = now if chunk.arrived is None else chunk.arrived
+                session.feed(chunk.data, chunk.address, arrived if stream.real_time else None)
                 heard = now if session.packets > before else heard
             if interruptions or (idle is not None and now - heard > idle):
                 break
@@ -192,7 +212,7 @@ def command(**options: Any) -> int:
         echo(str(best.alignment))
         if outcome.spans > 1:
             start, end = (round(t, 6) + 0.0 for t in (best.alignment.start, best.alignment.end))
-            echo(f"span {best.span} of {outcome.spans}, {start:.9g} s to {end:.9g} s")
+            echo(f"span {best.span} of {outcome.spans}, {time_text(start)} s to {time_text(end)} s")
         echo(session.summary())
         say_warnings(best.alignment.warnings)
     say_warnings(contradictions)
@@ -275,7 +295,7 @@ class _Page(AbstractContextManager["_Page"]):
         for text in notes:
             self._page.note(text)
         self._page.update(fix, session.counts(), session.spans, silent=silent,
-                          trouble=session.trouble)  # fmt: skip
+                          trouble=session.trouble, **aid_counts(session))  # fmt: skip
         self._server.show()
 
     def finish(self, session: LiveSession, outcome: Outcome, notes: list[str]) -> None:
@@ -294,6 +314,7 @@ def _line(session: LiveSession, fix: SpanFix, contradictions: list[str]) -> None
     data = {
         **fix.alignment.to_dict(), "schema": "schuler.live/1", "counts": session.counts(),
         "span": fix.span, "spans": session.spans, "contradictions": contradictions,
+        **aid_counts(session),
     }  # fmt: skip
     echo(json.dumps(data, allow_nan=False))
     sys.stdout.flush()

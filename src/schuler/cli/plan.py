@@ -220,7 +220,8 @@ def centrifuge(**options: Any) -> None:
     default=["gnss=0.1m/s,3m@1Hz"],
     show_default=True,
     metavar="KIND=SIGMA@RATE",
-    help="What is measured: gnss=..., odometer=0.1m/s@10Hz, dvl=0.02m/s@1Hz.",
+    help="What is measured: gnss=..., odometer=0.1m/s@10Hz, dvl=0.02m/s@1Hz, or alone "
+    "master=0.1mrad,0.02m/s@10Hz (velocity alone without mrad).",
 )
 @click.option("--vehicle", type=click.Choice(["car", "ship", "aircraft"]), default="car",
               show_default=True, help="What it can do: turn, brake, rock.")  # fmt: skip

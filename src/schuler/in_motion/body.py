@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.attitude import quat_to_matrix
+from schuler.constants import STAMP_ROUNDING
 from schuler.errors import InputError
 from schuler.record import ImuRecord
+from schuler.units import time_text
 
 __all__ = ["BodyPass", "BodyRows", "body_rows"]
 
@@ -59,6 +62,13 @@ class BodyRows:
             table[:, k.R_RATE : k.R_RATE + 3],
         )  # fmt: skip
 
+    def pick(self, which: slice | NDArray[Any]) -> BodyRows:
+        """Return some of the rows; sums go on from the same start."""
+        return BodyRows(
+            self.start, self.time[which], self.mat_ib0_b[which], self.velocity[which],
+            self.way[which], self.turn[which], self.rate[which],
+        )  # fmt: skip
+
     def turned(self, vectors: ArrayLike) -> Array:
         """Return vectors (n, 3) of the body in ib0."""
         rows = np.broadcast_to(np.asarray(vectors, np.float64), (len(self), 3))
@@ -76,7 +86,7 @@ class BodyPass:
         Instants, s; those outside the samples get no row.
     """
 
-    def __init__(self, due: ArrayLike) -> None:
+    def __init__(self, due: ArrayLike = ()) -> None:
         from schuler.kernels import moving
 
         self._follow: Callable[..., int] = moving.follow
@@ -87,6 +97,10 @@ class BodyPass:
         self._rows: list[Array] = []
         self._waiting: ImuRecord | None = None
         self._start: float | None = None
+
+    def add_due(self, due: ArrayLike) -> None:
+        """Add instants, s, none before the end of the last chunk."""
+        self._due = np.sort(np.concatenate([self._due, np.asarray(due, np.float64)]))
 
     def update(self, chunk: ImuRecord) -> BodyPass:
         """Take a chunk that follows the last one; return self.
@@ -102,12 +116,13 @@ class BodyPass:
             raise InputError("an alignment needs three gyros and three accelerometers")
         if self._start is None:
             self._start = chunk.start
-            self._due = self._due[self._due >= self._start - 1e-9]
+            self._due = self._due[self._due >= self._start - STAMP_ROUNDING]
         if self._waiting is not None:
             if chunk.time[0] <= self._waiting.end:
                 raise InputError(
-                    f"a chunk starts at t = {chunk.time[0]:.9g} s, not after the last sample "
-                    f"({self._waiting.end:.9g} s)"
+                    f"a chunk starts at t = {time_text(chunk.time[0])} s, not after the last "
+                    "sample "
+                    f"({time_text(self._waiting.end)} s)"
                 )
             self._rows.append(self._taken(self._state, self._waiting, 0.0))
             self._due = self._due[len(self._rows[-1]) :]
@@ -119,7 +134,7 @@ class BodyPass:
         return self
 
     def _taken(self, state: Array, samples: ImuRecord, closing: float) -> Array:
-        rows = np.zeros((int(np.searchsorted(self._due, samples.end + 1e-6)), self._size))
+        rows = np.zeros((int(np.searchsorted(self._due, samples.end + STAMP_ROUNDING)), self._size))
         count = self._follow(
             state, float(not samples.coning_corrected), float(not samples.sculling_corrected),
             samples.time, samples.dt, samples.dtheta, samples.dvel, self._due[: len(rows)],

@@ -73,10 +73,7 @@ class Series:
     def between(self, first: int, last: int) -> Series:
         """Return rows first to last (as a slice); sums go on from the same start."""
         s = slice(first, last)
-        r = self.rows
-        rows = BodyRows(
-            r.start, r.time[s], r.mat_ib0_b[s], r.velocity[s], r.way[s], r.turn[s], r.rate[s]
-        )
+        rows = self.rows.pick(s)
         cut = {
             name: getattr(self, name)[s]
             for name in (

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.aiding import BodySpeed, GnssFixes
+from schuler.constants import STAMP_ROUNDING
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.in_motion.body import body_rows
@@ -107,7 +108,7 @@ class Span:
         leader = self.leader
         delay = leader.delay if isinstance(leader, GnssFixes) else 0.0
         due = np.asarray(leader.time) - delay
-        inside = (due >= record.start - 1e-9) & (due <= record.end + 1e-9)
+        inside = (due >= record.start - STAMP_ROUNDING) & (due <= record.end + STAMP_ROUNDING)
         if isinstance(leader, GnssFixes):
             cut: Leader = leader.rows(inside)
         else:

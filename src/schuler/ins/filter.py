@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler.constants import STAMP_ROUNDING
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.ins.custom import CustomMeasurement, custom_rows, custom_table
@@ -19,12 +20,13 @@ from schuler.ins.result import EpochHistory
 from schuler.ins.smoother import Epochs, Smoothed, smoothed
 from schuler.kernels import ins_layout as kernel
 from schuler.record import ImuRecord
+from schuler.units import time_text
 
 __all__ = ["ErrorStateFilter"]
 
 Array = NDArray[np.float64]
 
-_LATE = 1e-9
+_LATE = STAMP_ROUNDING
 """A measurement may be so much before the last sample, s: a rounding."""
 
 
@@ -183,8 +185,9 @@ class ErrorStateFilter(FilterState):
             return
         if self.samples and first < self.time - _LATE:
             raise InputError(
-                f"{measurement.label}: a measurement at t = {first:.9g} s comes after the sample "
-                f"at t = {self.time:.9g} s was taken"
+                f"{measurement.label}: a measurement at t = {time_text(first)} s comes after the "
+                "sample "
+                f"at t = {time_text(self.time)} s was taken"
             )
         self._enqueue([table])
 
@@ -194,8 +197,9 @@ class ErrorStateFilter(FilterState):
         span = window.before(first - _LATE)
         if late > window.latency + _LATE or span is None:
             raise InputError(
-                f"{label}: a measurement at t = {first:.9g} s comes {late:.6g} s late, after the "
-                f"sample at t = {self.time:.9g} s; the filter takes {window.latency:g} s"
+                f"{label}: a measurement at t = {time_text(first)} s comes {late:.6g} s late, "
+                "after the "
+                f"sample at t = {time_text(self.time)} s; the filter takes {window.latency:g} s"
             )
         if span.chunks and not np.isfinite(span.time):
             record = span.chunks[0].record
@@ -212,8 +216,8 @@ class ErrorStateFilter(FilterState):
     def _check_begin(self, first: float, begin: float) -> None:
         if first < begin - _LATE:
             raise InputError(
-                f"a measurement at t = {first:.9g} s is before the record, which starts at "
-                f"t = {begin:.9g} s"
+                f"a measurement at t = {time_text(first)} s is before the record, which starts at "
+                f"t = {time_text(begin)} s"
             )
 
     def _keep_and_advance(self, chunk: Chunk, window: LatencyWindow) -> None:
@@ -258,8 +262,8 @@ class ErrorStateFilter(FilterState):
             return self
         if self.samples and record.time[0] <= self.time:
             raise InputError(
-                f"a chunk starts at t = {record.time[0]:.9g} s, not after the last sample "
-                f"({self.time:.9g} s)"
+                f"a chunk starts at t = {time_text(record.time[0])} s, not after the last sample "
+                f"({time_text(self.time)} s)"
             )
         if inside is not None and not self._cfg[kernel.FIXED_PLACE]:
             raise InputError("intervals are for a fixed place")
@@ -349,6 +353,11 @@ class ErrorStateFilter(FilterState):
             rows[:, kernel.M_TIME], rows[:, first + kernel.D_INNOVATION :][:, :3],
             rows[:, first + kernel.D_SIGMA :][:, :3], rows[:, first + kernel.D_WEIGHT],
         )  # fmt: skip
+
+    def forget_outputs(self) -> None:
+        """Forget what was estimated and measured at all epochs so far: memory stays constant."""
+        for kept in self._outputs[:2]:
+            kept.clear()
 
     def smoothed(self) -> Smoothed:
         """Return the fixed-interval smoother's estimates at the start and at all epochs.

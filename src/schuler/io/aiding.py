@@ -23,7 +23,7 @@ from schuler.io.gnss.text import read_velocity
 from schuler.io.named_table import read_named
 from schuler.io.odometer import ODOMETER_NAMES, ForwardSpeed, forward_speed
 
-__all__ = ["read_gnss", "read_speed"]
+__all__ = ["fix_heights", "fix_noise", "read_gnss", "read_speed"]
 
 Array = NDArray[np.float64]
 Table = dict[str, Array]
@@ -131,7 +131,7 @@ def read_gnss(
             names = [key for key in ("ve", "vn", "vu") if key in more]
             table.columns = matched(table.columns, more["t"], more, names, table.dropped)
         table.columns["t"] = table.columns["t"] + offset
-        table.columns["height"], above = _heights(table, height)
+        table.columns["height"], above = fix_heights(table, height)
         fixes = _fixes(table, above, sigma, v_sigma, lever, delay, tuple(estimate), name)
         return replace(fixes, format=reader.name)
 
@@ -153,7 +153,7 @@ def _all_numbers(cells: Sequence[bytes]) -> bool:
         return False
 
 
-def _heights(table: FixTable, said: str | None) -> tuple[Array, str]:
+def fix_heights(table: FixTable, said: str | None) -> tuple[Array, str]:
     """Return the heights, above the ellipsoid where that is known, and what they are above."""
     height, above = table.columns["height"], table.above
     if said == "stated":
@@ -179,10 +179,17 @@ def _heights(table: FixTable, said: str | None) -> tuple[Array, str]:
     return height, said or above
 
 
-def _fixes(
-    table: FixTable, above: str, sigma: float | None, v_sigma: float | None, lever: ArrayLike,
-    delay: float, estimate: tuple[str, ...], name: str,
-) -> GnssFixes:  # fmt: skip
+def fix_noise(
+    table: FixTable, sigma: float | None, v_sigma: float | None
+) -> tuple[Array, Array | None, Array]:
+    """Return 1-sigma of positions, velocities where there are, and their 1-sigma, (n, 3) each.
+
+    Parameters
+    ----------
+    table : FixTable
+    sigma, v_sigma : float or None
+        As in `read_gnss`.
+    """
     c = table.columns
     count = len(c["t"])
     quality = c.get("quality")
@@ -211,10 +218,19 @@ def _fixes(
         v_spread[:, 2] = np.maximum(v_spread[:, 2], slope)
     if {"sdve", "sdvn", "sdvu"} <= set(c) and v_sigma is None:
         v_spread = np.column_stack([c["sdve"], c["sdvn"], c["sdvu"]])
+    return spread, v_n, v_spread
+
+
+def _fixes(
+    table: FixTable, above: str, sigma: float | None, v_sigma: float | None, lever: ArrayLike,
+    delay: float, estimate: tuple[str, ...], name: str,
+) -> GnssFixes:  # fmt: skip
+    c = table.columns
+    spread, v_n, v_spread = fix_noise(table, sigma, v_sigma)
     return GnssFixes(
-        c["t"], c["lat"], c["lon"], c["height"], spread, v_n, v_spread, quality, lever=lever,
-        delay=delay, estimate=estimate, name=name, dropped=table.dropped, clock=table.clock,
-        epoch=table.epoch, height_above=above, notes=tuple(table.notes),
+        c["t"], c["lat"], c["lon"], c["height"], spread, v_n, v_spread, c.get("quality"),
+        lever=lever, delay=delay, estimate=estimate, name=name, dropped=table.dropped,
+        clock=table.clock, epoch=table.epoch, height_above=above, notes=tuple(table.notes),
     )  # fmt: skip
 
 

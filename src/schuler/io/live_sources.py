@@ -4,23 +4,31 @@ from __future__ import annotations
 
 import ipaddress
 import sys
+import time as clock
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
+from queue import Empty, Queue
+from threading import Event, Thread
 from typing import NamedTuple
 
 from schuler.errors import InputError, installed
 
-__all__ = ["Chunk", "LiveSource", "check_sender", "open_live_source"]
+__all__ = ["Chunk", "LiveSource", "check_sender", "merged", "open_live_source"]
 
 STEP = 0.1
 """Longest wait for data, s."""
 
+_QUEUED = 100_000
+"""Chunks of two sources that wait to be taken."""
+
 
 class Chunk(NamedTuple):
-    """Bytes as they came, none after a wait; the sender of a datagram."""
+    """Bytes as they came, none after a wait; the sender of a datagram; when; of which source."""
 
     data: bytes
     address: str | None = None
+    arrived: float | None = None
+    second: bool = False
 
 
 class LiveSource(AbstractContextManager["LiveSource"]):
@@ -39,6 +47,10 @@ class LiveSource(AbstractContextManager["LiveSource"]):
     ) -> None:
         self.name, self.real_time, self.chunks = name, real_time, chunks
         self._close = close
+
+    def close(self) -> None:
+        """Release the source."""
+        self._close()
 
     def __exit__(self, *_: object) -> None:
         self._close()
@@ -64,7 +76,51 @@ def open_live_source(source: str, baud: int = 115200) -> LiveSource:
     )
 
 
-def check_sender(text: str, source: str) -> str:
+def merged(first: LiveSource, second: LiveSource) -> LiveSource:
+    """Return the chunks of two sources as they come; the end of the first is the end.
+
+    Each is read by a thread of its own, so that nothing is lost while an alignment is computed.
+    """
+    queue: Queue[Chunk | None] = Queue(_QUEUED)
+    over = Event()
+
+    def read(source: LiveSource, is_second: bool) -> None:
+        try:
+            for chunk in source.chunks:
+                if over.is_set():
+                    return
+                if chunk.data:
+                    arrived = clock.monotonic() if source.real_time else None
+                    queue.put(chunk._replace(arrived=arrived, second=is_second))
+        finally:
+            if not is_second:
+                queue.put(None)
+
+    def chunks() -> Iterator[Chunk]:
+        for source, is_second in ((first, False), (second, True)):
+            Thread(target=read, args=(source, is_second), daemon=True).start()
+        while True:
+            try:
+                chunk = queue.get(timeout=STEP)
+            except Empty:
+                yield Chunk(b"")
+                continue
+            if chunk is None:
+                return
+            yield chunk
+
+    def close() -> None:
+        over.set()
+        # A reader may wait until the queue is no longer full.
+        while not queue.empty():
+            queue.get_nowait()
+        first.close()
+        second.close()
+
+    return LiveSource(f"{first.name} and {second.name}", first.real_time, chunks(), close)
+
+
+def check_sender(text: str, source: str, option: str = "--from") -> str:
     """Return ``ADDRESS`` or ``ADDRESS:PORT`` of a sender of datagrams as it is compared.
 
     Raises
@@ -73,7 +129,7 @@ def check_sender(text: str, source: str) -> str:
         If it is no IPv4 address, or the source has no addresses.
     """
     if not source.startswith("udp:"):
-        raise InputError(f"--from {text}: only udp: sources have senders with addresses")
+        raise InputError(f"{option} {text}: only udp: sources have senders with addresses")
     host, colon, port = text.partition(":")
     try:
         host = str(ipaddress.IPv4Address(host))
@@ -81,7 +137,7 @@ def check_sender(text: str, source: str) -> str:
             raise ValueError
     except ValueError:
         raise InputError(
-            f"--from {text}: expected an IPv4 address, as 192.168.0.7 or 192.168.0.7:5005"
+            f"{option} {text}: expected an IPv4 address, as 192.168.0.7 or 192.168.0.7:5005"
         ) from None
     return f"{host}:{int(port)}" if colon else host
 

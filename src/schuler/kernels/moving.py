@@ -41,7 +41,7 @@ R_TURN = 11  # 9
 R_RATE = 20  # 3, angular rate, body axes, rad/s
 R_SIZE = 23
 
-_ROUNDING = 1e-9
+_ROUNDING = 1e-6
 """An instant so little before the end of a sample is that end, s."""
 
 

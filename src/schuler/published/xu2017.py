@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 from typing import Any
 
@@ -25,6 +26,7 @@ from schuler.centrifuge import (
 )
 from schuler.centrifuge.coefficients import coefficient_names, coefficient_units
 from schuler.centrifuge.plant import ORDERS
+from schuler.errors import InputError
 from schuler.published.figures import Curve, Figure
 from schuler.published.result import (
     Experiment,
@@ -89,13 +91,14 @@ def _block(
     outputs = simulate_platform(
         plant, PUBLISHED_POSITIONS, settings["dwell"], truth, rng, last - first
     )
-    return tuple(
-        np.array([
-            fit_platform(plant, PUBLISHED_POSITIONS, one, Ekf(passes=passes)).value - truth
-            for one in outputs
-        ])
-        for passes in (1, settings["passes"])
-    )  # type: ignore[return-value]  # fmt: skip
+    errors = np.full((2, len(outputs), len(truth)), np.inf)
+    for k, passes in enumerate((1, settings["passes"])):
+        for row, one in zip(errors[k], outputs, strict=True):
+            # Of one pass that diverges, nothing is known: its errors stay as large as any.
+            with contextlib.suppress(InputError):
+                row[:] = fit_platform(plant, PUBLISHED_POSITIONS, one, Ekf(passes=passes)).value
+                row -= truth
+    return errors[0], errors[1]
 
 
 def run(options: Options) -> Experiment:
@@ -145,12 +148,18 @@ def run(options: Options) -> Experiment:
     for order in orders:
         schemes = {name: found[name, order] for name in SEARCHED}
         rows += _scheme_rows(case, replace(plant, order=order), schemes)
+    lost = [int(np.isinf(x).any(axis=1).sum()) for x in errors]
+    rows.append(
+        Row("runs in which the filter diverges", "1", None, lost[0], lost[1],
+            note=f"of {runs}; their errors count as larger than all others")
+    )  # fmt: skip
     number = np.arange(1, len(least) + 1, dtype=np.float64)
     figure = Figure(
-        "Error of each coefficient over its sigma, rms of the runs",
+        "Error of each coefficient over its sigma, rms of the runs that converge",
         "coefficient, number in the order of table 2", "rms error over the least sigma, 1",
         tuple(
-            Curve(name, number, np.sqrt(np.mean(x**2, axis=0)) / np.sqrt(np.diag(least)))
+            Curve(name, number, np.sqrt(np.mean(x[np.isfinite(x).all(axis=1)] ** 2, axis=0))
+                  / np.sqrt(np.diag(least)))
             for name, x in zip(("one pass", "linearised again"), errors, strict=True)
         ), log_y=True,
     )  # fmt: skip

@@ -2,6 +2,9 @@
 
 ``python -m tests.alignment.moving.figures_table`` (make validate) runs all cells and writes the
 table of ``docs/concepts/in-motion.md``. A number of runs may follow.
+
+All cells have the same seeds, so one draw of the biases is in many of them. A cell whose NEES
+leaves its 95 % band is run again with a thousand other seeds, which say whether that was chance.
 """
 
 from __future__ import annotations
@@ -36,6 +39,8 @@ from tests.conftest import ROOT, chi_square_band
 
 PAGE = ROOT / "docs" / "concepts" / "in-motion.md"
 MARK = "<!-- table -->\n"
+AGAIN = "<!-- cells again -->\n"
+MORE = 1000
 LENGTHS = (60.0, 120.0, 300.0)
 
 
@@ -102,13 +107,27 @@ def run(cell: Cell, runs: int) -> Row:
     made = truth_of(ROUTES[cell.route](), cell.length)
     spec, true = GRADES[cell.grade], made.truth.quat_nb[-1]
     bound = sc.limit_on(made.truth, spec, _aid(made, cell), record=made.record).sigma_arcmin[2]
-    rough, rough_sigma, fine, nees, refused = [], [], [], 0.0, 0
+    rough, rough_sigma = [], []
     for seed in range(runs):
         rng = np.random.default_rng(seed)
         aid, record = _aid(made, cell, rng), noisy(made, cell.grade, rng)
         first = _coarse(record, aid, spec, made)
         rough.append(heading_error(nearest_quat(first.mat_nb), true)[2] / ARCMIN)
         rough_sigma.append(first.heading_sigma / ARCMIN)
+    fine, nees, refused = _fine(made, cell, range(runs))
+    return Row(
+        cell, bound, _rms(rough) / bound, _rms(rough_sigma) / _rms(rough), _rms(fine) / bound,
+        float(np.mean(nees)), len(fine), refused,
+    )  # fmt: skip
+
+
+def _fine(made, cell: Cell, seeds: range):
+    """Return the heading's errors (arcmin) and NEES/3 of the fine stage, and how many refuse."""
+    spec, true = GRADES[cell.grade], made.truth.quat_nb[-1]
+    fine, nees, refused = [], [], 0
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        aid, record = _aid(made, cell, rng), noisy(made, cell.grade, rng)
         try:
             fix = sc.align(record, SITE, aiding=aid, spec=spec, vibration=0.0)
         except sc.InputError:
@@ -116,12 +135,30 @@ def run(cell: Cell, runs: int) -> Row:
             continue
         error = heading_error(fix.quat_nb, true)
         fine.append(error[2] / ARCMIN)
-        nees += error @ np.linalg.solve(fix.covariance, error) / 3.0
-    done = max(len(fine), 1)
-    return Row(
-        cell, bound, _rms(rough) / bound, _rms(rough_sigma) / _rms(rough), _rms(fine) / bound,
-        nees / done, done, refused,
-    )  # fmt: skip
+        nees.append(error @ np.linalg.solve(fix.covariance, error) / 3.0)
+    return fine, nees, refused
+
+
+def again(rows: list[Row], band: tuple[float, float]) -> str:
+    """Return the cells that leave the band with a thousand other seeds, as a table."""
+    lines = [
+        "| route | grade | s | measured | NEES / 3, seeds 0 to 99 | seeds 1000 to 1999 | "
+        "fine / bound |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        if band[0] <= row.nees <= band[1]:
+            continue
+        c = row.cell
+        made = truth_of(ROUTES[c.route](), c.length)
+        fine, nees, _ = _fine(made, c, range(1000, 1000 + MORE))
+        error = np.std(nees) / np.sqrt(len(nees))
+        lines.append(
+            f"| {c.route} | {c.grade} | {c.length:.0f} | {c.aid} | {row.nees:.2f} | "
+            f"{np.mean(nees):.3f} ± {error:.3f} | {_rms(fine) / row.bound:.2f} |"
+        )
+        print(lines[-1], flush=True)
+    return "\n".join(lines) + "\n"
 
 
 def _rms(values) -> float:
@@ -157,9 +194,11 @@ def main() -> None:
     print(f"95 % band of NEES / 3 for {runs} runs: {low:.2f} to {high:.2f}")
     if runs == 100:
         text = PAGE.read_text(encoding="utf-8")
-        head, _, rest = text.partition(MARK)
-        _, _, tail = rest.partition(MARK)
-        PAGE.write_text(f"{head}{MARK}{table(rows)}{MARK}{tail}", encoding="utf-8")
+        for mark, body in ((MARK, table(rows)), (AGAIN, again(rows, (low, high)))):
+            head, _, rest = text.partition(mark)
+            _, _, tail = rest.partition(mark)
+            text = f"{head}{mark}{body}{mark}{tail}"
+        PAGE.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -23,6 +23,8 @@ from tests.alignment.moving.routes import SITE, car, truth_of
         ("gnss= 2m , 0.05 m/s", PlannedAid("gnss", 0.05, 2.0, 1.0)),
         ("odometer=0.1m/s@10Hz", PlannedAid("odometer", 0.1, None, 10.0)),
         ("dvl=0.02m/s", PlannedAid("dvl", 0.02, None, 1.0)),
+        ("master=0.1mrad,0.02m/s@10Hz", PlannedAid("master", 0.02, None, 10.0, 1e-4)),
+        ("master=0.02m/s,1m@5Hz", PlannedAid("master", 0.02, 1.0, 5.0)),
     ],
 )
 def test_an_aid_is_said_in_a_word_and_says_itself_again(text, aid):
@@ -33,7 +35,8 @@ def test_an_aid_is_said_in_a_word_and_says_itself_again(text, aid):
 @pytest.mark.parametrize(
     "text",
     ["gnss", "gnss=", "sonar=1m/s", "gnss=1m,2m@1Hz", "gnss=1km@1Hz", "gnss=1m@fast",
-     "gnss=-1m@1Hz", "gnss=1m@0Hz", "odometer=1m@1Hz", "dvl=1m,0.1m/s@1Hz", "gnss=nanm@1Hz"],
+     "gnss=-1m@1Hz", "gnss=1m@0Hz", "odometer=1m@1Hz", "dvl=1m,0.1m/s@1Hz", "gnss=nanm@1Hz",
+     "gnss=1mrad,1m@1Hz", "master=1mrad@10Hz", "master=1m@1Hz", "dvl=1mrad,0.1m/s@1Hz"],
 )  # fmt: skip
 def test_other_words_are_refused(text):
     with pytest.raises(InputError):
@@ -114,3 +117,38 @@ def test_impossible_plans_are_refused():
     ):  # fmt: skip
         with pytest.raises(InputError, match=text):
             plan_drive("tactical-fog", **options)
+
+
+def test_with_a_master_what_shows_the_mounting_helps():
+    """Straight on shows neither heading nor the mounting about up; each manoeuvre shows both."""
+    master = PlannedAid("master", 0.02, None, 10.0, 1e-4)
+    plan = plan_drive("tactical-fog", [master], vehicle="aircraft", speed=200.0, before=5.0)
+    by_name = {each.name: each.limit for each in plan.manoeuvres}
+    assert plan.manoeuvres[-1].name == "straight"
+    assert max(by_name["straight"].mounting_arcmin) > 100.0
+    for name in ("S", "wing rock", "turn"):
+        assert by_name[name].sigma_arcmin[2] < 1.0
+        assert max(by_name[name].mounting_arcmin) < 2.0
+    assert "mounting" in str(plan)
+    gnss = PlannedAid("gnss", 0.1, 3.0)
+    assert gnss.along(truth_of(car(), 5.0).truth) is not None
+    with pytest.raises(InputError, match="say it alone"):
+        plan_drive("tactical-fog", [master, gnss])
+    with pytest.raises(InputError, match="planned_limits"):
+        master.along(truth_of(car(), 5.0).truth)
+
+
+def test_the_bound_with_a_master_is_that_of_a_transfer_alignment():
+    """Of a slave without errors, whose alignment is linear about the truth."""
+    import schuler as sc
+    from schuler.alignment.transfer import MasterNoise
+
+    made = truth_of(car(), 40.0, 50.0)
+    master = PlannedAid("master", 0.02, None, 10.0, 1e-4)
+    (found,) = path_table(made.truth, "tactical-fog", [master], record=made.record).limits
+    fix = sc.transfer(
+        made.record, made.truth, spec="tactical-fog", noise=MasterNoise(1e-4, 0.02), vibration=0.0
+    )
+    np.testing.assert_allclose(found.sigma_arcmin, fix.limit_arcmin, rtol=0.05)
+    mounting = np.sqrt(np.diag(fix.mounting_covariance)) * 180.0 * 60.0 / np.pi
+    np.testing.assert_allclose(found.mounting_arcmin, mounting, rtol=0.05)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from schuler.aiding import HeadingFixes, Height
 from schuler.attitude import quat_to_matrix, rotvec_to_quat
+from schuler.constants import STAMP_ROUNDING
 from schuler.errors import InputError
 from schuler.in_motion.coarse import CoarseAlignment
 from schuler.ins import GroupNoise, Handling, Measurement
@@ -18,6 +19,7 @@ from schuler.ins import Heading as HeadingRows
 from schuler.ins import Height as HeightRows
 from schuler.prefilter.base import held_frame
 from schuler.record import ImuRecord
+from schuler.units import time_text
 
 __all__ = ["Beside", "check_names", "offset_noise", "offset_priors", "rows_beside", "turned_to"]
 
@@ -52,11 +54,12 @@ def rows_beside(aid: Beside, record: ImuRecord, handling: Handling) -> Measureme
         If none lies within it.
     """
     time = np.asarray(aid.time)
-    within = (time > record.start + 1e-9) & (time <= record.end + 1e-9)
+    within = (time > record.start + STAMP_ROUNDING) & (time <= record.end + STAMP_ROUNDING)
     if not within.any():
         raise InputError(
-            f"{aid.name}: none of its times lies within the span, from t = {record.start:.9g} to "
-            f"{record.end:.9g} s"
+            f"{aid.name}: none of its times lies within the span, from t = "
+            f"{time_text(record.start)} to "
+            f"{time_text(record.end)} s"
         )
     sigma = np.broadcast_to(np.asarray(aid.sigma, np.float64), time.shape)[within]
     common: dict[str, Any] = {"name": aid.name, "handling": handling}
@@ -105,12 +108,14 @@ def turned_to(
         If no heading lies within the span.
     """
     time = np.asarray(fixes.time)
-    pick = np.flatnonzero((time >= record.start - 1e-9) & (time <= record.end + 1e-9))[:_FIRST]
+    pick = np.flatnonzero(
+        (time >= record.start - STAMP_ROUNDING) & (time <= record.end + STAMP_ROUNDING)
+    )[:_FIRST]
     if not len(pick):
         raise InputError(f"{fixes.name}: none of its times lies within the span")
     bias = gyro_bias + found.gyro_bias
     still = replace(record, dtheta=record.dtheta - bias * record.dt[:, None])
-    rows = np.minimum(np.searchsorted(record.time, time[pick] - 1e-9), len(record) - 1)
+    rows = np.minimum(np.searchsorted(record.time, time[pick] - STAMP_ROUNDING), len(record) - 1)
     mats = found.mat_nb @ quat_to_matrix(held_frame(still)[rows])
     along = mats @ np.asarray(fixes.baseline, np.float64)
     seen = np.arctan2(along[:, 0], along[:, 1])

@@ -26,8 +26,12 @@ from schuler.ins import ErrorStateFilter, Layout, Measurement
 from schuler.ins.frames import east_angle, to_east_north_up
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
+from schuler.units import time_text
 
-__all__ = ["FineAlignment", "FineState", "difference", "fine"]
+__all__ = [
+    "CHUNK", "FineAlignment", "FineState", "correct_if_known", "difference", "fine",
+    "known_heading",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -43,8 +47,8 @@ _COARSE_GYRO = 30.0 * DEG_PER_HOUR
 _FIRST_PART = 150.0
 """How long that is, s: a navigation that nothing corrects stays within what is linear."""
 
-_CHUNK = 5.0
-"""How often that is looked at, s."""
+CHUNK = 5.0
+"""How often a pass looks whether its heading is known, s."""
 
 _MEMORY = 1.5e9
 """Largest memory of a smoother, bytes."""
@@ -110,6 +114,8 @@ class FineAlignment:
     moved : float
         How far the last pass moved the start, in sigma.
     filter : ErrorStateFilter
+    running : ErrorStateFilter
+        That of the end and the budget: it can run on from there.
     smoothed_heading : (3, k) float64
         Times of the measurements (s), the smoothed heading there, clockwise, and its 1-sigma (rad).
     """
@@ -120,7 +126,29 @@ class FineAlignment:
     passes: int
     moved: float
     filter: ErrorStateFilter
+    running: ErrorStateFilter
     smoothed_heading: Array
+
+
+def known_heading(spec: ImuSpec) -> float:
+    """Return the 1-sigma of the heading that is enough after two minutes, rad."""
+    return _HALF_KNOWN if spec.gyro.bias > _COARSE_GYRO else _KNOWN
+
+
+def correct_if_known(flt: ErrorStateFilter, elapsed: float, late: float) -> None:
+    """Let a filter correct its navigation from now on, if its heading is known.
+
+    Parameters
+    ----------
+    flt : ErrorStateFilter
+    elapsed : float
+        Time since the start, s.
+    late : float
+        1-sigma of the heading that is enough after two minutes, rad.
+    """
+    enough = _KNOWN if elapsed < _LATE else late
+    if not flt.feedback and flt.covariance[2, 2] < enough**2:
+        flt.feedback = True
 
 
 def run_pass(
@@ -132,14 +160,13 @@ def run_pass(
     """
     begin = record.start
     while begin < record.end - 1e-9:
-        chunk = record.between(begin, begin + _CHUNK)
-        begin += _CHUNK
+        chunk = record.between(begin, begin + CHUNK)
+        begin += CHUNK
         if not len(chunk):
             continue
         flt.update(chunk)
-        enough = _KNOWN if begin - record.start < _LATE else late
-        if correct and not flt.feedback and flt.covariance[2, 2] < enough**2:
-            flt.feedback = True
+        if correct:
+            correct_if_known(flt, begin - record.start, late)
 
 
 def _moved_place(lat: float, lon: float, height: float, off: Array) -> tuple[float, float, float]:
@@ -282,7 +309,7 @@ def fine(
             budget=divided,
         )  # fmt: skip
 
-    first_part = _FIRST_PART if spec.gyro.bias > _COARSE_GYRO else np.inf
+    first_part = np.inf if known_heading(spec) == _KNOWN else _FIRST_PART
     return iterate(
         record,
         start,
@@ -346,7 +373,8 @@ def iterate(
         far = float(np.linalg.norm(step[layout["position"]]))
         if not far < _FARTHEST:
             raise InputError(
-                f"{record.name}: the alignment from t = {record.start:.9g} to {record.end:.9g} s "
+                f"{record.name}: the alignment from t = {time_text(record.start)} to "
+                f"{time_text(record.end)} s "
                 f"diverges: pass {passes} moves the start by {far:.3g} m. The record's axes, units "
                 "and specification, or the delay, are not what they are said to be; a shorter "
                 "span, or one that begins at rest, bears more"
@@ -356,9 +384,9 @@ def iterate(
                 break
             part, passes = record, 0
         nominal = begin.nominal
-    end, parts = filtered_end(flt)
+    last = flt
     if budget:
         last = build(nominal, difference(layout, nominal, start), True)
         run_pass(last, record, correct=correct, late=late)
-        end, parts = filtered_end(last)
-    return FineAlignment(begin, end, parts, passes, moved, flt, _smoothed_heading(flt))
+    end, parts = filtered_end(last)
+    return FineAlignment(begin, end, parts, passes, moved, flt, last, _smoothed_heading(flt))

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler._blas import with_one_blas_thread
-from schuler.alignment.moving.path_bound import PathLimit, limits_on
-from schuler.alignment.moving.planned import PlannedAid, axes_of
+from schuler.alignment.moving.path_bound import PathLimit
+from schuler.alignment.moving.planned import PlannedAid, axes_of, planned_limits
 from schuler.constants import DEG
 from schuler.earth import Site
 from schuler.errors import InputError
@@ -143,7 +143,10 @@ class DrivePlan:
             "speed_m_s": self.speed, "before_s": self.before, "time_s": self.time,
             "aids": [str(aid) for aid in self.aids], "start_sigma_arcmin": axes_of(self.start),
             "manoeuvres": [
-                {"name": each.name, "what": each.what, "sigma_arcmin": axes_of(each.limit)}
+                {
+                    "name": each.name, "what": each.what, "sigma_arcmin": axes_of(each.limit),
+                    **_mounting_of(each.limit),
+                }
                 for each in self.manoeuvres
             ],
             "left_out": self.left_out,
@@ -156,17 +159,27 @@ class DrivePlan:
             f"{self.vehicle} at {self.speed:g} m/s, {self.spec.name}, "
             f"{' '.join(map(str, self.aids))}: heading ± {known} after {self.before:g} s "
             f"straight on; limit after {self.time:g} s more",
-            f"{'manoeuvre':<16}  {'east':>9}  {'north':>9}  {'up':>9}   what",
+            f"{'manoeuvre':<16}  {'east':>9}  {'north':>9}  {'up':>9}   "
+            f"{'' if self.start.mounting_arcmin is None else ' mounting   '}what",
         ]
         for each in self.manoeuvres:
             east, north, heading = each.limit.sigma_arcmin
+            mounting = each.limit.mounting_arcmin
+            worst = "" if mounting is None else f"{max(mounting):8.4g}'   "
             lines.append(
-                f"{each.name:<16}  {east:8.4g}'  {north:8.4g}'  {heading:8.4g}'   {each.what}"
+                f"{each.name:<16}  {east:8.4g}'  {north:8.4g}'  {heading:8.4g}'   {worst}"
+                f"{each.what}"
             )
         lines += [
             f"{name} needs {needs:.3g} s at this speed" for name, needs in self.left_out.items()
         ]
         return "\n".join(lines)
+
+
+def _mounting_of(limit: PathLimit) -> dict[str, list[float]]:
+    """Return what JSON says of a slave's mounting; nothing without a master."""
+    mounting = limit.mounting_arcmin
+    return {} if mounting is None else {"mounting_sigma_arcmin": mounting}
 
 
 def _candidates(
@@ -257,9 +270,8 @@ def plan_drive(
     found, start = [], None
     for name, (motion, what) in motions.items():
         made = simulate(motion, place, before + time, _RATE, name=name)
-        along = [aid.along(made.truth) for aid in aids]
-        first, last = limits_on(
-            made.truth, instrument, along, [before, before + time], record=made.record
+        first, last = planned_limits(
+            made.truth, instrument, aids, [before, before + time], record=made.record
         )
         start = start or first
         found.append(PlannedManoeuvre(name, what, last))

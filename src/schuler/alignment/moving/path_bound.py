@@ -19,15 +19,18 @@ from schuler.aiding import GnssFixes, ZeroVelocity
 from schuler.alignment.moving.fine import filtered_end
 from schuler.alignment.moving.setup import Aid, Nominal, at_rest, make_filter, measurements
 from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec
-from schuler.constants import ARCMIN
+from schuler.constants import ARCMIN, STAMP_ROUNDING
 from schuler.earth import earth_rate, gravity, transport_rate
 from schuler.errors import InputError
 from schuler.ins import ErrorStateFilter
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec, load_spec
 from schuler.trajectory import Trajectory
+from schuler.units import time_text
 
-__all__ = ["PathLimit", "limit_on", "limits_on", "planned_fixes", "record_on"]
+__all__ = [
+    "PathLimit", "limit_on", "limits_of_filter", "limits_on", "planned_fixes", "record_on",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -131,6 +134,12 @@ class PathLimit:
         return self.covariance[:3, :3]
 
     @property
+    def mounting_arcmin(self) -> list[float] | None:
+        """1-sigma of a slave's mounting about its axes, arcmin; None without a master."""
+        mounting = self.parameters.get("transfer.mounting")
+        return None if mounting is None else [float(v) / ARCMIN for v in mounting]
+
+    @property
     def sigma_arcmin(self) -> Array:
         """1-sigma of phi, arcmin, (3,)."""
         return np.asarray(np.sqrt(np.diag(self.phi)) / ARCMIN)
@@ -198,32 +207,56 @@ def limits_on(
     samples = record_on(path) if record is None else record
     for aid in aids:
         time = np.asarray(aid.time)
-        if not np.any((time >= samples.start - 1e-9) & (time <= samples.end + 1e-9)):
+        if not np.any(
+            (time >= samples.start - STAMP_ROUNDING) & (time <= samples.end + STAMP_ROUNDING)
+        ):
             raise InputError(
                 f"{aid.name}: no measurement lies on the path, which goes from t = "
-                f"{samples.start:.9g} to {samples.end:.9g} s"
+                f"{time_text(samples.start)} to {time_text(samples.end)} s"
             )
     measured = measurements(aids, samples, gate=False) + at_rest(rests, samples)
-    k = int(np.searchsorted(path.time, samples.start - 1e-9))
+    k = int(np.searchsorted(path.time, samples.start - STAMP_ROUNDING))
     nominal = Nominal(
         float(path.lat[k]), float(path.lon[k]), float(path.height[k]), path.known("quat_nb")[k],
         path.known("v_n")[k], {},
     )  # fmt: skip
     # Nothing is fed back: the covariance is that of rows along the path itself.
     flt = make_filter(nominal, instrument, vibration, measured, aids)
+    return limits_of_filter(flt, samples, path.name, times)
+
+
+def limits_of_filter(
+    flt: ErrorStateFilter, samples: ImuRecord, name: str, times: Sequence[float] | None
+) -> list[PathLimit]:
+    """Return what a filter without feedback knows at several times of perfect samples.
+
+    Parameters
+    ----------
+    flt : ErrorStateFilter
+    samples : ImuRecord
+    name : str
+        Of the path.
+    times : sequence of float or None
+        As in `limits_on`.
+
+    Raises
+    ------
+    InputError
+        For a time that the path does not last.
+    """
     lasts = samples.end - samples.start
     wanted = [lasts] if times is None else list(times)
     if wanted[-1] > lasts + 1e-6 or not all(
         first < second for first, second in zip([0.0, *wanted], wanted, strict=False)
     ):
         raise InputError(
-            f"{path.name}: the path lasts {lasts:.6g} s; times must grow and end with it at the "
+            f"{name}: the path lasts {lasts:.6g} s; times must grow and end with it at the "
             f"latest, got {', '.join(f'{each:g} s' for each in wanted)}"
         )
     out, done = [], None
     for each in wanted:
-        flt.update(samples.between(done, samples.start + each + 1e-9))
-        done = samples.start + each + 1e-9
+        flt.update(samples.between(done, samples.start + each + STAMP_ROUNDING))
+        done = samples.start + each + STAMP_ROUNDING
         out.append(_limit_now(flt, samples.start))
     return out
 

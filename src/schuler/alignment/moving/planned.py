@@ -23,14 +23,19 @@ from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec, load_spec
 from schuler.trajectory import Trajectory
 
-__all__ = ["PathTable", "PlannedAid", "path_table"]
+__all__ = ["PathTable", "PlannedAid", "axes_of", "path_table", "planned_limits"]
 
-KINDS = ("gnss", "odometer", "dvl")
+KINDS = ("gnss", "odometer", "dvl", "master")
+
+#: unit -> what it is of, and its size in SI; one that ends like another goes before it
+_UNITS = {"mrad": ("attitude", 1e-3), "m/s": ("velocity", 1.0), "m": ("position", 1.0)}
 
 _NO_POSITION = LARGEST_SIGMA
 """Sigma of a receiver that gives velocity alone, m: beside the 100 m of the start it is nothing."""
 
-_EXAMPLE = "gnss=0.1m/s,3m@1Hz, odometer=0.1m/s@10Hz or dvl=0.02m/s@1Hz"
+_EXAMPLE = (
+    "gnss=0.1m/s,3m@1Hz, odometer=0.1m/s@10Hz, dvl=0.02m/s@1Hz or master=0.1mrad,0.02m/s@10Hz"
+)
 
 
 @dataclass(frozen=True)
@@ -39,13 +44,17 @@ class PlannedAid:
 
     Parameters
     ----------
-    kind : {"gnss", "odometer", "dvl"}
+    kind : {"gnss", "odometer", "dvl", "master"}
+        A master is the navigation of another unit on the same vehicle, whose mounting, lever arm
+        and delay are not known.
     velocity : float or None
         1-sigma, m/s; None for positions alone.
     position : float or None
-        1-sigma, m, of gnss; None for velocities alone.
+        1-sigma, m, of gnss or a master; None for velocities alone.
     rate : float
         Hz.
+    attitude : float or None
+        1-sigma, rad, of a master; None for a master of velocity alone.
 
     Raises
     ------
@@ -55,21 +64,28 @@ class PlannedAid:
     Examples
     --------
     >>> PlannedAid("gnss", velocity=0.05, position=1.0, rate=1.0)
-    PlannedAid(kind='gnss', velocity=0.05, position=1.0, rate=1.0)
+    PlannedAid(kind='gnss', velocity=0.05, position=1.0, rate=1.0, attitude=None)
     """
 
     kind: str
     velocity: float | None = None
     position: float | None = None
     rate: float = 1.0
+    attitude: float | None = None
 
     def __post_init__(self) -> None:
-        numbers = [x for x in (self.velocity, self.position, self.rate) if x is not None]
+        numbers = [
+            x for x in (self.velocity, self.position, self.attitude, self.rate) if x is not None
+        ]
         if self.kind not in KINDS or len(numbers) < 2:
             raise InputError(f"a planned aid is {_EXAMPLE}; got {self}")
         if not all(math.isfinite(x) and x > 0.0 for x in numbers):
             raise InputError(f"sigma and rate of {self.kind} must be positive")
-        if self.kind != "gnss" and (self.position is not None or self.velocity is None):
+        if self.attitude is not None and self.kind != "master":
+            raise InputError(f"{self.kind} measures no attitude, only a master does")
+        if (self.kind != "gnss" and self.velocity is None) or (
+            self.kind in ("odometer", "dvl") and self.position is not None
+        ):
             raise InputError(f"{self.kind} measures a velocity: give its sigma, as 0.1m/s")
 
     @classmethod
@@ -89,10 +105,11 @@ class PlannedAid:
                 found["rate"] = float(rate.strip().removesuffix("Hz"))
             for cell in sigmas.split(","):
                 number = cell.strip()
-                name = "velocity" if number.endswith("m/s") else "position"
-                if name in found or not number.endswith(("m/s", "m")):
+                unit = next((unit for unit in _UNITS if number.endswith(unit)), None)
+                if unit is None or _UNITS[unit][0] in found:
                     raise ValueError
-                found[name] = float(number.removesuffix("m/s").removesuffix("m"))
+                name, factor = _UNITS[unit]
+                found[name] = factor * float(number.removesuffix(unit))
         except ValueError:
             raise InputError(f"an aid is said as {_EXAMPLE}; got '{text}'") from None
         if kind not in KINDS:
@@ -100,7 +117,15 @@ class PlannedAid:
         return cls(kind, **found)
 
     def along(self, path: Trajectory) -> Aid:
-        """Return what it would measure along a path, without noise."""
+        """Return what it would measure along a path, without noise.
+
+        Raises
+        ------
+        InputError
+            For a master, whose path is that of the vehicle (`planned_limits`).
+        """
+        if self.kind == "master":
+            raise InputError("a master is no aid of its own measurements: take planned_limits")
         if self.kind == "gnss":
             position = _NO_POSITION if self.position is None else self.position
             return planned_fixes(path, self.rate, position, self.velocity)
@@ -115,6 +140,8 @@ class PlannedAid:
 
     def __str__(self) -> str:
         parts = []
+        if self.attitude is not None:
+            parts.append(f"{1e3 * self.attitude:g}mrad")
         if self.velocity is not None:
             parts.append(f"{self.velocity:g}m/s")
         if self.position is not None:
@@ -146,9 +173,11 @@ class PathTable(Result):
         rows = []
         for each in self.limits:
             _, velocity, position = np.split(np.sqrt(np.diag(each.covariance)), 3)
+            mounting = each.mounting_arcmin
             rows.append({
                 "time_s": each.duration,
                 "sigma_arcmin": axes_of(each),
+                **({} if mounting is None else {"mounting_sigma_arcmin": mounting}),
                 "velocity_m_s": [float(v) for v in velocity],
                 "position_m": [float(v) for v in position],
                 "gyro_bias_deg_h": [float(v) / DEG_PER_HOUR for v in each.gyro_bias],
@@ -169,7 +198,55 @@ class PathTable(Result):
             f"{self.spec.name}, {' '.join(map(str, self.aids))}",
             *limit_lines(self.limits),
         ]
+        if self.limits[0].mounting_arcmin is not None:
+            lines.append("what it leaves of the slave's mounting (body x, y, z):")
+            for limit in self.limits:
+                each = "  ".join(f"{v:8.4g}'" for v in limit.mounting_arcmin or ())
+                lines.append(f"{limit.duration:10.6g}  {each}")
         return "\n".join(lines)
+
+
+def planned_limits(
+    path: Trajectory, spec: ImuSpec, aids: Sequence[PlannedAid], times: Sequence[float] | None, *,
+    record: ImuRecord | None = None,
+) -> list[PathLimit]:  # fmt: skip
+    """Return the bounds along a path with planned aids, or with a master.
+
+    Parameters
+    ----------
+    path, spec, times, record
+        As in `limits_on`.
+    aids : sequence of PlannedAid
+
+    Raises
+    ------
+    InputError
+        As `limits_on`, and for a master beside other aids.
+    """
+    from schuler.alignment.transfer.master import MasterNoise
+    from schuler.alignment.transfer.path_bound import master_limits
+
+    masters = [aid for aid in aids if aid.kind == "master"]
+    if not masters:
+        along = [aid.along(path) for aid in aids]
+        return limits_on(path, spec, along, times, record=record)
+    if len(aids) > 1:
+        raise InputError("a master has the other aids in its own navigation: say it alone")
+    master = masters[0]
+    assert master.velocity is not None
+    usual = MasterNoise()
+    noise = MasterNoise(
+        usual.attitude if master.attitude is None else master.attitude, master.velocity,
+        usual.position if master.position is None else master.position,
+    )  # fmt: skip
+    parts = [
+        name
+        for name, sigma in (
+            ("velocity", master.velocity), ("attitude", master.attitude),
+            ("position", master.position),
+        ) if sigma is not None
+    ]  # fmt: skip
+    return master_limits(path, spec, noise, master.rate, times, parts=tuple(parts), record=record)
 
 
 def axes_of(limit: PathLimit) -> dict[str, float]:
@@ -210,6 +287,5 @@ def path_table(
     instrument = load_spec(spec)
     if instrument is None or not aids:
         raise InputError("a bound on a path needs an instrument and at least one aid")
-    along = [aid.along(path) for aid in aids]
-    found = limits_on(path, instrument, along, times, record=record)
+    found = planned_limits(path, instrument, aids, times, record=record)
     return PathTable(instrument, path.name, tuple(aids), tuple(found))

@@ -19,6 +19,7 @@ from schuler.alignment.moving.setup import (
     measurements,
 )
 from schuler.attitude import nearest_quat, quat_to_matrix
+from schuler.constants import STAMP_ROUNDING
 from schuler.earth import Site, radii
 from schuler.in_motion.coarse import ENOUGH, CoarseAlignment
 from schuler.in_motion.start import Span
@@ -26,7 +27,7 @@ from schuler.ins import Measurement
 from schuler.record import ImuRecord, Summariser
 from schuler.sensors import ImuSpec
 
-__all__ = ["Prepared", "Taken", "mean_square"]
+__all__ = ["Prepared", "Taken", "mean_square", "restamped"]
 
 Array = NDArray[np.float64]
 
@@ -91,7 +92,7 @@ class Prepared:
         turning = mat @ np.cross(rate, arm)
         if isinstance(leader, GnssFixes):
             k = int(np.searchsorted(
-                np.asarray(leader.time) - leader.delay, self.record.start - 1e-9
+                np.asarray(leader.time) - leader.delay, self.record.start - STAMP_ROUNDING
             ))  # fmt: skip
             east, north, up = (float(x) for x in mat @ arm)
             meridian, transverse = (float(r) for r in radii(lat))
@@ -104,7 +105,7 @@ class Prepared:
                 place, time = leader.local(), np.asarray(leader.time)
                 v_n = (place[k + 1] - place[k]) / (time[k + 1] - time[k])
         else:
-            k = int(np.searchsorted(np.asarray(leader.time), self.record.start - 1e-9))
+            k = int(np.searchsorted(np.asarray(leader.time), self.record.start - STAMP_ROUNDING))
             v_n = mat @ leader.triples()[0][k] - turning
         return Nominal(lat, lon, height, quat, v_n, {"gyro_bias": self.bias})
 
@@ -137,7 +138,7 @@ class Prepared:
         moved = any(abs(each) > _PROMPT for each in late.values())
         if moved:
             # A delay is linear in the filter only where it is small: the stamps take most of it.
-            measured = [_restamped(each, late.get(each.label, 0.0), self.record)
+            measured = [restamped(each, late.get(each.label, 0.0), self.record)
                         for each in measured]  # fmt: skip
             found = fine(self.record, start, self.spec, noise, measured, aids, nominal=about)
             square = mean_square(found, measured)
@@ -152,7 +153,7 @@ def _delays(found: FineAlignment, measured: Sequence[Measurement]) -> dict[str, 
     }  # fmt: skip
 
 
-def _restamped(aid: Measurement, late: float, record: ImuRecord) -> Measurement:
+def restamped(aid: Measurement, late: float, record: ImuRecord) -> Measurement:
     """Return measurements with stamps that are earlier by a delay; what is left is estimated."""
     if not late:
         return aid

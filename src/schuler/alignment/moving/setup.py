@@ -14,7 +14,7 @@ from schuler.aiding import BodyVelocity as BodyVelocityAid
 from schuler.aiding import ZeroVelocity as RestSpans
 from schuler.alignment.moving.beside import Beside, offset_noise, offset_priors, rows_beside
 from schuler.attitude import quat_to_matrix, rotvec_to_quat
-from schuler.constants import DEG
+from schuler.constants import DEG, STAMP_ROUNDING
 from schuler.earth import Site
 from schuler.in_motion.start import Leader
 from schuler.ins import (
@@ -127,7 +127,7 @@ def measurements(
             out.append(rows_beside(aid, record, handling))
             continue
         time = np.asarray(aid.time)
-        inside = (time >= record.start - 1e-9) & (time <= record.end + 1e-9)
+        inside = (time >= record.start - STAMP_ROUNDING) & (time <= record.end + STAMP_ROUNDING)
         if isinstance(aid, GnssFixes):
             fixes = aid.rows(inside)
             common: dict[str, Any] = {
@@ -201,6 +201,10 @@ def prior_sigma(
         np.fill_diagonal(matrix, max(errors.scale_factor, _LEAST_SCALE))
         sigma[f"{sensor}_matrix"] = matrix.ravel()
     sigma |= offset_priors(aids)
+    for aid in aids:
+        if isinstance(aid, GnssFixes):
+            delays = (f"{aid.name}.delay", f"{aid.name}_velocity.delay")
+            sigma |= dict.fromkeys(delays, aid.delay_sigma)
     scales = {aid.name: aid.scale_sigma for aid in aids if isinstance(aid, BodySpeed)}
     out = np.zeros(layout.size)
     for group in layout:

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from schuler.aiding import BodySpeed, GnssFixes, find_rest, no_overlap
 from schuler.alignment.moving.setup import Aid
-from schuler.constants import DEG, DEG_PER_HOUR
+from schuler.constants import DEG, DEG_PER_HOUR, STAMP_ROUNDING
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.in_motion.rotation import LEAST_ROWS
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
+from schuler.units import time_text
 
 __all__ = ["bias_at_rest", "common_span", "cut_span", "place_at_start"]
 
@@ -36,7 +37,7 @@ def cut_span(record: ImuRecord, span: tuple[float | None, float | None] | None) 
     if len(out) < 2:
         raise InputError(
             f"the span from {begin} to {end} s holds no samples: the record goes from "
-            f"{record.start:.9g} to {record.end:.9g} s"
+            f"{time_text(record.start)} to {time_text(record.end)} s"
         )
     return out
 
@@ -44,18 +45,20 @@ def cut_span(record: ImuRecord, span: tuple[float | None, float | None] | None) 
 def common_span(record: ImuRecord, leader: Aid) -> ImuRecord:
     """Return the samples from the first measurement on."""
     time = np.asarray(leader.time) - getattr(leader, "delay", 0.0)
-    inside = (time >= record.start - 1e-9) & (time <= record.end + 1e-9)
+    inside = (time >= record.start - STAMP_ROUNDING) & (time <= record.end + STAMP_ROUNDING)
     if not np.any(inside):
         clock = leader.clock if isinstance(leader, GnssFixes) else "unstated"
         span = float(time[0]), float(time[-1])
         raise no_overlap(leader.name, clock, span, (record.start, record.end))
     if inside.sum() < LEAST_ROWS:
         raise InputError(
-            f"{leader.name}: {int(inside.sum())} measurements lie between t = {record.start:.9g} "
-            f"and {record.end:.9g} s, and an alignment needs {LEAST_ROWS}: take a longer span"
+            f"{leader.name}: {int(inside.sum())} measurements lie between t = "
+            f"{time_text(record.start)} "
+            f"and {time_text(record.end)} s, and an alignment needs {LEAST_ROWS}: take a longer "
+            "span"
         )
     # The sample in which the first measurement lies is the first one.
-    k = int(np.searchsorted(record.time, float(time[inside][0]) + 1e-9))
+    k = int(np.searchsorted(record.time, float(time[inside][0]) + STAMP_ROUNDING))
     return record.rows(min(k, len(record) - 2), len(record))
 
 
@@ -95,6 +98,6 @@ def place_at_start(leader: Aid, part: ImuRecord, site: Site | None) -> Site:
                 "the site (--lat, --lon, --height)"
             )
         return site
-    k = int(np.searchsorted(np.asarray(leader.time) - leader.delay, part.start - 1e-9))
+    k = int(np.searchsorted(np.asarray(leader.time) - leader.delay, part.start - STAMP_ROUNDING))
     lat, lon, height = (float(np.asarray(x)[k]) for x in (leader.lat, leader.lon, leader.height))
     return Site(lat / DEG, lon / DEG, height)

@@ -26,6 +26,7 @@ from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
+from schuler.units import time_text
 
 __all__ = ["MovingWindows", "align_moving_windows"]
 
@@ -113,7 +114,8 @@ def align_moving_windows(
     begin, end = whole.start, whole.end
     if begin + length > end + 1e-9:
         raise InputError(
-            f"no window of {length:g} s is full: the span goes from {begin:.9g} to {end:.9g} s"
+            f"no window of {length:g} s is full: the span goes from {time_text(begin)} to "
+            f"{time_text(end)} s"
         )
     each: list[MovingAlignment] = []
     refused: list[tuple[float, float, str]] = []

@@ -244,6 +244,7 @@ def _joint(
     # The mean over updates is that of the middle of a stretch only where no rows were lost: the
     # Earth turns further in half a second than the gyros' noise does.
     local = inertial_to_local(h.t[:-1] + h.mean_shares() * dt - 0.5 * interval, lat)
+    quat_local = nearest_quat(local)
     theory = g * gravity_direction(lat) * h.block_means(TrackerNode.sum_gravity)
     velocity = h.block_means(TrackerNode.sum_v)
     q = h.block_means(TrackerNode.sum_quat)
@@ -256,7 +257,7 @@ def _joint(
     e = np.einsum("iab,ib->ia", local[:, :2], velocity @ r.T - theory)
     powers = velocity_powers(e, dt, interval, g, spec, dwells)
     levels = velocity_levels(powers, spec is not None and not h.sampling_faults)
-    turns = turns_from_middle(q, r, local, dwells)
+    turns = turns_from_middle(q, r, quat_local, dwells)
     series = make_series(h, site, spec, levels, local, attitude, turns, dwells)
     series = with_tests(series, h, site, local, dwells)
     propagated = np.einsum("iab,i->ab", attitude, dt)
@@ -274,7 +275,7 @@ def _joint(
     # Errors are phi^2, so a second step leaves nothing.
     for _ in range(2):
         e = np.einsum("iab,ib->ia", local[:, :2], velocity @ r.T - theory)
-        turns = turns_from_middle(q, r, local, dwells)
+        turns = turns_from_middle(q, r, quat_local, dwells)
         found = np.einsum("iab,ib->a", gain_v, e)
         found += np.einsum("iab,ib->a", gain_a, turns) + shift
         biases = found[NormalEquations.BIASES]

@@ -131,8 +131,19 @@ def _both_ways(upper: Array, diagonal: Array) -> Array:
 def turns_from_middle(
     q: Array, r: Array, local: Array, dwells: tuple[tuple[int, int], ...]
 ) -> Array:
-    """Return the turn (m, 3) from the middle attitude of each dwell, east, north, up, rad."""
-    attitude = multiply(nearest_quat(local @ r), q)
+    """Return the turn (m, 3) from the middle attitude of each dwell, east, north, up, rad.
+
+    Parameters
+    ----------
+    q : (m, 4) float64
+        quat_bi0 over each stretch.
+    r : (3, 3) float64
+        C_ib0^i0.
+    local : (m, 4) float64
+        quat_i0n.
+    dwells : tuple of (int, int)
+    """
+    attitude = multiply(multiply(local, nearest_quat(r)), q)
     out = np.zeros((len(q), 3))
     for begin, end in dwells:
         back = attitude[(begin + end) // 2] * [1.0, -1.0, -1.0, -1.0]
@@ -175,8 +186,12 @@ def make_series(
 
     # What the vehicle's motion and the instrument make of the series.
     d, c, b, a = levels.likely
-    change = np.diff(np.eye(m), axis=1, prepend=0.0, append=0.0) / dt[:, None]
-    force = d * change @ change.T + np.diag(c / dt) + b * wander
+    force = b * wander
+    flat = force.reshape(-1)
+    flat[:: m + 1] += 2.0 * d / dt**2 + c / dt
+    # White displacement is differenced: neighbours share an end.
+    flat[1 :: m + 1] -= d / (dt[1:] * dt[:-1])
+    flat[m :: m + 1] -= d / (dt[1:] * dt[:-1])
     gyro = a * unit
     if spec is not None:
         # Means over stretches are no better than this, whatever an instrument is said to be.

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from schuler.alignment.moving.setup import Nominal, layout_of, process_noise
 from schuler.alignment.transfer.master import state_at
 from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
-from schuler.constants import ARCMIN
+from schuler.constants import ARCMIN, STAMP_ROUNDING
 from schuler.earth import moved, radii
 from schuler.errors import InputError
 from schuler.ins import ErrorStateFilter, OutputEpoch
 from schuler.ins.frames import east_angle, to_east_north_up
 from schuler.record import ImuRecord
 from schuler.trajectory import Trajectory
+from schuler.units import time_text
 
 if TYPE_CHECKING:
     from schuler.alignment.transfer.result import TransferAlignment
@@ -109,11 +110,14 @@ def free_run(
     last = min(record.end, float(due[-1]))
     if not seconds > 0.0 or end > last + 1e-6:
         raise InputError(
-            f"to navigate free for {seconds:g} s record and master must go on to t = {end:.9g} s; "
-            f"both have data to t = {last:.9g} s: end the alignment earlier (span, --to)"
+            f"to navigate free for {seconds:g} s record and master must go on to t = "
+            f"{time_text(end)} s; "
+            f"both have data to t = {time_text(last)} s: end the alignment earlier (span, --to)"
         )
     rest = record.between(begin, end)
-    rows = np.flatnonzero((due > begin + 1e-9) & (due <= min(end, rest.end) + 1e-9))
+    rows = np.flatnonzero(
+        (due > begin + STAMP_ROUNDING) & (due <= min(end, rest.end) + STAMP_ROUNDING)
+    )
     if not len(rows):
         raise InputError(f"{master.name}: no row of the master lies in the {seconds:g} s after it")
     state = fix.state

@@ -32,13 +32,14 @@ from schuler.alignment.transfer.setup import (
     parse_match,
 )
 from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec, rotvec_to_quat
-from schuler.constants import DEG
+from schuler.constants import DEG, STAMP_ROUNDING
 from schuler.earth import Site
 from schuler.errors import InputError, expect
 from schuler.ins import Layout
 from schuler.record import ImuRecord, Summariser
 from schuler.sensors import CONSUMER_MEMS, ImuSpec, load_spec
 from schuler.trajectory import Trajectory
+from schuler.units import time_text
 
 __all__ = ["transfer"]
 
@@ -163,8 +164,8 @@ def transfer(
         if not last - then_free > begin:
             raise InputError(
                 f"to navigate free for {then_free:g} s after the alignment record and master must "
-                f"go on to t = {begin + then_free:.9g} s and longer; both have data to "
-                f"t = {last:.9g} s"
+                f"go on to t = {time_text(begin + then_free)} s and longer; both have data to "
+                f"t = {time_text(last)} s"
             )
         span = (None if span is None else span[0], last - then_free)
     part = _common(cut_span(record, span), master, known.delay)
@@ -221,7 +222,7 @@ def _known(
 def _common(record: ImuRecord, master: Trajectory, delay: float) -> ImuRecord:
     """Return the samples for which there is a master."""
     due = master.time - delay
-    inside = (due >= record.start - 1e-9) & (due <= record.end + 1e-9)
+    inside = (due >= record.start - STAMP_ROUNDING) & (due <= record.end + STAMP_ROUNDING)
     if not np.any(inside):
         raise no_overlap(
             master.name, "unstated", (float(due[0]), float(due[-1])), (record.start, record.end)
@@ -229,18 +230,19 @@ def _common(record: ImuRecord, master: Trajectory, delay: float) -> ImuRecord:
     if inside.sum() < LEAST_ROWS:
         raise InputError(
             f"{master.name}: {int(inside.sum())} rows of the master lie between t = "
-            f"{record.start:.9g} and {record.end:.9g} s, and a transfer alignment needs "
+            f"{time_text(record.start)} and {time_text(record.end)} s, and a transfer alignment "
+            "needs "
             f"{LEAST_ROWS}: take a longer span"
         )
-    first = int(np.searchsorted(record.time, float(due[inside][0]) + 1e-9))
-    last = int(np.searchsorted(record.time, float(due[-1]) - 1e-9)) + 1
+    first = int(np.searchsorted(record.time, float(due[inside][0]) + STAMP_ROUNDING))
+    last = int(np.searchsorted(record.time, float(due[-1]) - STAMP_ROUNDING)) + 1
     cut = record.rows(min(first, len(record) - 2), min(last, len(record)))
     widest = float(np.max(np.diff(due[inside]), initial=0.0))
     if widest > 5.0:
         k = int(np.argmax(np.diff(due[inside])))
         raise InputError(
             f"{master.name}: the master has no row for {widest:.3g} s after t = "
-            f"{due[inside][k]:.9g} s: take a span without that (--from, --to)"
+            f"{time_text(due[inside][k])} s: take a span without that (--from, --to)"
         )
     return cut
 

@@ -17,7 +17,7 @@ from schuler.alignment.transfer.master import (
     thinned,
 )
 from schuler.attitude import multiply, quat_to_matrix, quat_to_rotvec
-from schuler.constants import DEG
+from schuler.constants import DEG, STAMP_ROUNDING
 from schuler.earth import moved
 from schuler.errors import InputError
 from schuler.ins import (
@@ -223,7 +223,9 @@ class Matching:
         """
         due = self.master.time - delay
         record = self.record
-        inside = np.flatnonzero((due >= record.start - 1e-9) & (due <= record.end + 1e-9))
+        inside = np.flatnonzero(
+            (due >= record.start - STAMP_ROUNDING) & (due <= record.end + STAMP_ROUNDING)
+        )
         found = self.master_rates
         if self.by_master:
             inside = inside[np.isin(inside, found.rows)]

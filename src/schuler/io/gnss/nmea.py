@@ -27,12 +27,20 @@ from schuler.io.gnss.table import (
 )
 from schuler.io.named_table import read_bytes
 
-__all__ = ["NmeaReader", "read_nmea_headings"]
+__all__ = [
+    "SENTENCE",
+    "SLOW",
+    "NmeaReader",
+    "need_pynmeagps",
+    "parsed",
+    "read_nmea_headings",
+    "sound",
+]
 
-_SENTENCE = re.compile(rb"\$[A-Z]{2}(GGA|RMC|VTG|GST|HDT),[ -#%-)+-~]{0,120}\*[0-9A-Fa-f]{2}")
+SENTENCE = re.compile(rb"\$[A-Z]{2}(GGA|RMC|VTG|GST|HDT),[ -#%-)+-~]{0,120}\*[0-9A-Fa-f]{2}")
 _BEGIN = re.compile(rb"\$[A-Z]{2}(?:GGA|RMC|VTG|GST|HDT),")
 _KNOT = 1852.0 / 3600.0
-_SLOW = 0.5
+SLOW = 0.5
 """Speed (m/s) below which a receiver need not say a course."""
 
 #: quality of GGA -> that of RTKLIB; what is missing is no fix
@@ -46,7 +54,7 @@ class NmeaReader:
 
     def sniff(self, head: bytes) -> bool:
         """Say whether a whole sentence is there, its checksum right."""
-        return any(_sound(match[0]) for match in _SENTENCE.finditer(head))
+        return any(sound(match[0]) for match in SENTENCE.finditer(head))
 
     def alone(self, path: Path) -> bool:
         """Say that NMEA holds no record of an IMU."""
@@ -69,7 +77,7 @@ class NmeaReader:
             dropped["a wrong checksum or a sentence that cannot be decoded"] = damaged
         columns = drop_rows(columns, columns["quality"] > 0.0, "no fix (quality of GGA)", dropped)
         speed, course = columns["speed"], columns["course"]
-        columns["course"] = np.where(np.isnan(course) & (speed < _SLOW), 0.0, course)
+        columns["course"] = np.where(np.isnan(course) & (speed < SLOW), 0.0, course)
         moving = np.isfinite(speed) & np.isfinite(columns["course"])
         if 2 * np.sum(moving) < len(moving):
             del columns["speed"], columns["course"]
@@ -104,27 +112,55 @@ def read_nmea_headings(data: bytes) -> tuple[dict[str, Any], str, dict[str, int]
     return columns, "" if date is None else f"{date:%Y-%m-%d}", lost
 
 
-def _epochs(data: bytes) -> tuple[list[dict[str, Any]], int, dt.date | None]:
-    """Return what the sentences of each instant say, how many are damaged, and the first date."""
+def need_pynmeagps() -> None:
+    """Refuse to read NMEA without the package that decodes it.
+
+    Raises
+    ------
+    InputError
+        Saying how it is installed.
+    """
     try:
-        from pynmeagps import NMEAReader
+        import pynmeagps  # noqa: F401
     except ImportError:
         raise InputError("is NMEA, which needs pynmeagps: pip install 'schuler[nmea]'") from None
+
+
+def parsed(sentence: bytes, kind: bytes) -> tuple[dict[str, Any] | None, dt.date | None] | None:
+    """Return what a sentence says, and its date; None where it cannot be decoded.
+
+    Parameters
+    ----------
+    sentence : bytes
+        Whole, its checksum right, without a line end.
+    kind : bytes
+        As ``GGA``.
+    """
+    from pynmeagps import NMEAReader
+
+    try:
+        message = NMEAReader.parse(sentence + b"\r\n")
+        said = _said(kind, message)
+    except Exception:  # a sentence with a right checksum may hold anything
+        return None
+    day = message.date if kind == b"RMC" and isinstance(message.date, dt.date) else None
+    return said, day
+
+
+def _epochs(data: bytes) -> tuple[list[dict[str, Any]], int, dt.date | None]:
+    """Return what the sentences of each instant say, how many are damaged, and the first date."""
+    need_pynmeagps()
     epochs: list[dict[str, Any]] = []
     now: dict[str, Any] = {}
     date: dt.date | None = None
     good = 0
-    for match in _SENTENCE.finditer(data):
-        if not _sound(match[0]):
+    for match in SENTENCE.finditer(data):
+        found = parsed(match[0], match[1]) if sound(match[0]) else None
+        if found is None:
             continue
-        try:
-            message = NMEAReader.parse(match[0] + b"\r\n")
-            said = _said(match[1], message)
-        except Exception:  # a sentence with a right checksum may hold anything
-            continue
+        said, day = found
         good += 1
-        if match[1] == b"RMC" and date is None and isinstance(message.date, dt.date):
-            date = message.date
+        date = date or day
         if said is None:
             continue
         time = said.pop("t", None)
@@ -170,7 +206,8 @@ def _scaled(value: Any, factor: float) -> float | None:
     return None if value in ("", None) else factor * float(value)
 
 
-def _sound(sentence: bytes) -> bool:
+def sound(sentence: bytes) -> bool:
+    """Say whether the checksum of a sentence is right."""
     total = 0
     for byte in sentence[1:-3]:
         total ^= byte
