@@ -135,3 +135,17 @@ def test_two_levels_of_force_find_d_oo():
 def test_bad_input_is_one_sentence(call, text):
     with pytest.raises(InputError, match=text):
         call()
+
+
+def test_several_passes_converge_where_one_diverges():
+    """In the 36th test of `published run xu2017` a filter of one pass is sure before it is near."""
+    plant, truth = Plant(order="yzx"), published_truth()
+    rng = np.random.default_rng([0, 2017, 35])
+    one = simulate_platform(plant, PUBLISHED_POSITIONS, 100.0, truth, rng, 5)[0]
+    with pytest.raises(InputError, match="diverged at position"):
+        fit_platform(plant, PUBLISHED_POSITIONS, one, Ekf(passes=1))
+    fit = fit_platform(plant, PUBLISHED_POSITIONS, one)
+    assert fit.nis == pytest.approx(1.0, abs=5 * np.sqrt(2 / 90e3))
+    error = fit.value - truth
+    low, high = chi_square_band(45, 1e-4)
+    assert low < error @ np.linalg.solve(fit.covariance, error) < high

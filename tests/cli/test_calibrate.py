@@ -140,8 +140,8 @@ def test_a_simulated_centrifuge_test_is_identified_from_its_file(cli, tmp_path):
     (tmp_path / "plain.toml").write_text('order = "zyx"\nd_oo = true\n', encoding="utf-8")
     code, text, _ = cli("calibrate", "centrifuge", tmp_path / "o.csv", "--plant",
                         tmp_path / "plain.toml")  # fmt: skip
-    assert code == 2
-    assert "diverged at position" in text
+    assert code == 3
+    assert "the plant does not fit the outputs" in text
     (tmp_path / "plain.toml").write_text(
         'order = "yzx"\nd_oo = true\nnoise = 2.0\ncommanded = [30, -20, 10]\n', encoding="utf-8"
     )
