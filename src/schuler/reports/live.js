@@ -116,7 +116,7 @@
     // A screen reader says an alert again when its content is replaced: only when it changed.
     if ($("contradictions").dataset.told !== told) {
       $("contradictions").dataset.told = told;
-      fill($("contradictions"), state.contradictions, (text) => element("li", text));
+      fill($("contradictions").querySelector("ul"), state.contradictions, (text) => element("li", text));
     }
     $("contradictions").hidden = state.contradictions.length === 0;
     fill($("warnings"), state.warnings, (text) => element("li", text));
