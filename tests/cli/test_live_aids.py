@@ -86,7 +86,7 @@ def test_both_in_one_pipe(drive):
     """Frames and sentences mixed: the last line is the alignment of the same in memory."""
     from schuler.aiding.stream_clock import StreamClock
     from schuler.alignment.moving.live import LiveAids, MovingLiveSession
-    from schuler.alignment.moving.stream import StreamSetting
+    from schuler.alignment.moving.stream_setting import StreamSetting
 
     _, record, gnss = drive
     items = in_turn(frames(record, UTC_DAY), sentences(gnss, UTC_DAY))

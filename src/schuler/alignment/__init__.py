@@ -25,7 +25,8 @@ from schuler.alignment.moving.manoeuvres import VEHICLES, DrivePlan, plan_drive
 from schuler.alignment.moving.path_bound import PathLimit, limit_on, planned_fixes, record_on
 from schuler.alignment.moving.planned import PathTable, PlannedAid, path_table
 from schuler.alignment.moving.result import MovingAlignment
-from schuler.alignment.moving.stream import MovingStream, StreamSetting
+from schuler.alignment.moving.stream import MovingStream
+from schuler.alignment.moving.stream_setting import StreamSetting
 from schuler.alignment.moving.windows import MovingWindows, align_moving_windows
 from schuler.alignment.next_position import Fixture, Suggestion, suggest_position
 from schuler.alignment.result import Alignment

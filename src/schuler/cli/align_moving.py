@@ -230,7 +230,8 @@ def follow_in_motion(
         s without a new sample that end it.
     """
     from schuler.aiding.fix_rows import FixSetting
-    from schuler.alignment.moving.stream import MovingStream, StreamSetting
+    from schuler.alignment.moving.stream import MovingStream
+    from schuler.alignment.moving.stream_setting import StreamSetting
     from schuler.calibration.apply import Calibration
     from schuler.io.growing_fixes import GrowingFixes
     from schuler.sensors import load_spec

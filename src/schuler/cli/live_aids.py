@@ -147,17 +147,19 @@ def opened(source: str, baud: int, aids: dict[str, Any] | None) -> LiveSource:
     InputError
         If one of them is no source, or cannot be opened.
     """
-    from schuler.io.live_sources import merged, open_live_source
+    from schuler.io.live_sources import in_threads, open_live_source
 
     stream = open_live_source(source, baud)
-    if aids is None or mixed(source, aids["gnss"]):
+    if aids is None:
         return stream
+    if mixed(source, aids["gnss"]):
+        return in_threads(stream)
     try:
         other = open_live_source(aids["gnss"], aids["gnss_baud"] or 9600)
     except InputError:
         stream.close()
         raise
-    return merged(stream, other)
+    return in_threads(stream, other)
 
 
 def moving_session(
@@ -180,7 +182,7 @@ def moving_session(
     from schuler.aiding.fix_rows import FixSetting
     from schuler.aiding.stream_clock import StreamClock
     from schuler.alignment.moving.live import LiveAids, MovingLiveSession
-    from schuler.alignment.moving.stream import StreamSetting
+    from schuler.alignment.moving.stream_setting import StreamSetting
     from schuler.io.live_sources import check_sender
 
     wanted = estimates_of(aids["estimate"])

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from schuler.errors import InputError, installed
 
-__all__ = ["Chunk", "LiveSource", "check_sender", "merged", "open_live_source"]
+__all__ = ["Chunk", "LiveSource", "check_sender", "in_threads", "open_live_source"]
 
 STEP = 0.1
 """Longest wait for data, s."""
@@ -76,11 +76,12 @@ def open_live_source(source: str, baud: int = 115200) -> LiveSource:
     )
 
 
-def merged(first: LiveSource, second: LiveSource) -> LiveSource:
-    """Return the chunks of two sources as they come; the end of the first is the end.
+def in_threads(first: LiveSource, second: LiveSource | None = None) -> LiveSource:
+    """Return the chunks of one or two sources as they come; the end of the first is the end.
 
     Each is read by a thread of its own, so that nothing is lost while an alignment is computed.
     """
+    sources = [source for source in (first, second) if source is not None]
     queue: Queue[Chunk | None] = Queue(_QUEUED)
     over = Event()
 
@@ -96,9 +97,13 @@ def merged(first: LiveSource, second: LiveSource) -> LiveSource:
             if not is_second:
                 queue.put(None)
 
+    threads = [
+        Thread(target=read, args=(source, source is second), daemon=True) for source in sources
+    ]
+
     def chunks() -> Iterator[Chunk]:
-        for source, is_second in ((first, False), (second, True)):
-            Thread(target=read, args=(source, is_second), daemon=True).start()
+        for thread in threads:
+            thread.start()
         while True:
             try:
                 chunk = queue.get(timeout=STEP)
@@ -111,13 +116,17 @@ def merged(first: LiveSource, second: LiveSource) -> LiveSource:
 
     def close() -> None:
         over.set()
-        # A reader may wait until the queue is no longer full.
-        while not queue.empty():
-            queue.get_nowait()
-        first.close()
-        second.close()
+        for thread in threads:
+            # A reader looks up after a step, unless it waits for a queue that is full.
+            while thread.is_alive():
+                while not queue.empty():
+                    queue.get_nowait()
+                thread.join(STEP)
+        for source in sources:
+            source.close()
 
-    return LiveSource(f"{first.name} and {second.name}", first.real_time, chunks(), close)
+    name = " and ".join(source.name for source in sources)
+    return LiveSource(name, first.real_time, chunks(), close)
 
 
 def check_sender(text: str, source: str, option: str = "--from") -> str:

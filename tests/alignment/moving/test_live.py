@@ -10,7 +10,7 @@ import pytest
 from schuler.aiding.fix_rows import FixSetting
 from schuler.aiding.stream_clock import StreamClock
 from schuler.alignment.moving.live import LiveAids, MovingLiveSession
-from schuler.alignment.moving.stream import StreamSetting
+from schuler.alignment.moving.stream_setting import StreamSetting
 from schuler.errors import InputError
 from tests.alignment.moving.nmea_tools import UTC_DAY, frames, in_turn, sentences
 from tests.alignment.moving.routes import car, fixes, heading_error, noisy, truth_of

@@ -7,7 +7,8 @@ import pytest
 
 import schuler as sc
 from schuler.aiding.fix_rows import FixSetting, rows_of
-from schuler.alignment.moving.stream import MovingStream, StreamSetting
+from schuler.alignment.moving.stream import MovingStream
+from schuler.alignment.moving.stream_setting import StreamSetting
 from schuler.constants import ARCMIN
 from schuler.errors import InputError
 from schuler.motion import Manoeuvre, Route
@@ -258,8 +259,49 @@ def test_times_since_1970(drive):
     assert other.used == one.used
 
 
-def test_no_more_fixes_are_held_than_a_receiver_has(drive, monkeypatch):
+def test_a_heading_that_is_lost_is_looked_for_anew(drive, monkeypatch):
+    """The fixes cease until sigma says that there is no heading; those that come then find it."""
     from schuler.alignment.moving import stream as module
+
+    made, record, gnss = drive
+    rows = rows_of(gnss)
+    moving = fed(stream(keep=20.0), record, rows[rows[:, 0] < 30.0], 20, end=45.0)
+    assert moving.solution().end > 40.0
+    monkeypatch.setattr(module, "ENOUGH", 10.0 * ARCMIN)
+    fed(moving, record, rows[:0], 20, begin=moving.newest, end=60.0)
+    with pytest.raises(InputError, match=r"at t = 4.* the heading had been lost"):
+        moving.solution()
+    monkeypatch.undo()
+    saved = stream(keep=20.0)
+    saved.restore(moving.arrays())
+    for each in (moving, saved):
+        fed(each, record, rows, 20, begin=60.0)
+        each.finish()
+    fix = moving.solution()
+    assert fix.start > 55.0
+    error = heading_error(fix.quat_nb, made.truth.quat_nb[round(50 * fix.end)])[2] / ARCMIN
+    assert abs(error) < 4.0 * fix.sigma_arcmin[2]
+    assert saved.solution().to_dict() == fix.to_dict()
+
+
+@pytest.mark.parametrize("every", [0.1, 0.2])
+def test_fixes_that_come_often_are_all_taken(every):
+    """Known long before their samples, or as they come: the same alignment."""
+    made, rng = truth_of(car(), 40.0, 50.0), np.random.default_rng(3)
+    gnss, record = fixes(made, rng=rng, every=every), noisy(made, SPEC, rng)
+    ahead, prompt = stream(keep=20.0), stream(keep=20.0)
+    ahead.add(rows_of(gnss))
+    ahead.update(record)
+    fed(prompt, record, rows_of(gnss), 5)
+    prompt.add(rows_of(gnss)[prompt.counts["fixes"] :])
+    for moving in (ahead, prompt):
+        moving.finish()
+        assert moving.solution().used["gnss"] == len(gnss)
+    np.testing.assert_array_equal(ahead.solution().quat_nb, prompt.solution().quat_nb)
+
+
+def test_no_more_fixes_are_held_than_a_receiver_has(drive, monkeypatch):
+    from schuler.alignment.moving import fix_queue as module
 
     monkeypatch.setattr(module, "_MOST_FIXES", 50)
     moving = stream()

@@ -29,13 +29,13 @@ from schuler.sensors import ImuSpec
 from schuler.units import time_text
 
 __all__ = [
-    "CHUNK", "FineAlignment", "FineState", "correct_if_known", "difference", "fine",
+    "CHUNK", "KNOWN", "FineAlignment", "FineState", "correct_if_known", "difference", "fine",
     "known_heading",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
 
-_KNOWN = 2.0 * DEG
+KNOWN = 2.0 * DEG
 """1-sigma of the heading from which on the filter corrects itself."""
 
 _HALF_KNOWN, _LATE = 10.0 * DEG, 120.0
@@ -132,7 +132,7 @@ class FineAlignment:
 
 def known_heading(spec: ImuSpec) -> float:
     """Return the 1-sigma of the heading that is enough after two minutes, rad."""
-    return _HALF_KNOWN if spec.gyro.bias > _COARSE_GYRO else _KNOWN
+    return _HALF_KNOWN if spec.gyro.bias > _COARSE_GYRO else KNOWN
 
 
 def correct_if_known(flt: ErrorStateFilter, elapsed: float, late: float) -> None:
@@ -146,27 +146,29 @@ def correct_if_known(flt: ErrorStateFilter, elapsed: float, late: float) -> None
     late : float
         1-sigma of the heading that is enough after two minutes, rad.
     """
-    enough = _KNOWN if elapsed < _LATE else late
+    enough = KNOWN if elapsed < _LATE else late
     if not flt.feedback and flt.covariance[2, 2] < enough**2:
         flt.feedback = True
 
 
 def run_pass(
-    flt: ErrorStateFilter, record: ImuRecord, *, correct: bool = True, late: float = _KNOWN
+    flt: ErrorStateFilter, record: ImuRecord, *, correct: bool = True, late: float = KNOWN
 ) -> None:
     """Feed a record; where that is allowed, correct the navigation once the heading is known.
 
     `late` is the 1-sigma of the heading that is enough after two minutes, rad.
     """
-    begin = record.start
-    while begin < record.end - 1e-9:
-        chunk = record.between(begin, begin + CHUNK)
-        begin += CHUNK
-        if not len(chunk):
-            continue
-        flt.update(chunk)
-        if correct:
-            correct_if_known(flt, begin - record.start, late)
+    middle = record.time - 0.5 * record.dt
+    mark, done = record.start, 0
+    while correct and not flt.feedback and mark < record.end - 1e-9:
+        mark += CHUNK
+        stop = int(np.searchsorted(middle, mark, side="right"))
+        if stop > done:
+            flt.update(record.rows(done, stop))
+            correct_if_known(flt, mark - record.start, late)
+        done = stop
+    # Nothing is left to be decided, and any chunking gives the same bits.
+    flt.update(record.rows(done, len(record)))
 
 
 def _moved_place(lat: float, lon: float, height: float, off: Array) -> tuple[float, float, float]:
@@ -309,7 +311,7 @@ def fine(
             budget=divided,
         )  # fmt: skip
 
-    first_part = np.inf if known_heading(spec) == _KNOWN else _FIRST_PART
+    first_part = np.inf if known_heading(spec) == KNOWN else _FIRST_PART
     return iterate(
         record,
         start,
@@ -357,7 +359,7 @@ def iterate(
         If the span is so long that it would take too much memory.
     """
     _fits(measured, layout, record)
-    late = _KNOWN if np.isinf(first_part) else _HALF_KNOWN
+    late = KNOWN if np.isinf(first_part) else _HALF_KNOWN
     nominal, passes, moved = nominal or start, 0, np.inf
     part = record
     if record.end - record.start > 2.0 * first_part:

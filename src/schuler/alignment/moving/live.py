@@ -16,7 +16,8 @@ from schuler.aiding.fix_rows import COLUMNS
 from schuler.aiding.stream_clock import StreamClock
 from schuler.alignment.live import LiveAligner
 from schuler.alignment.live_layout import check_packets
-from schuler.alignment.moving.stream import MovingStream, StreamSetting
+from schuler.alignment.moving.stream import MovingStream
+from schuler.alignment.moving.stream_setting import StreamSetting
 from schuler.alignment.result import Alignment
 from schuler.alignment.session import LiveSession, Outcome, SpanFix
 from schuler.earth import Site

@@ -129,7 +129,7 @@ def compose(
     if later is None:
         tally = Tally()
         tally.add(found.filter, measured)
-        bound = _bound(prepared, found, measured, at)
+        bound = _bound(prepared, found, taken, at)
         history, summary = History.of_record(record), _summary(prepared)
     else:
         tally, bound = later.tally, later.bound
@@ -242,21 +242,27 @@ def _beyond_prior(
 
 
 def bound_filter(
-    prepared: Prepared, found: FineAlignment, measured: Sequence[Measurement], at: str = "end"
-) -> ErrorStateFilter:
-    """Return a filter with the specification's noise, run along the path that was found."""
+    prepared: Prepared, found: FineAlignment, taken: Taken, at: str = "end"
+) -> ErrorStateFilter | None:
+    """Return a filter with the specification's noise alone, run along the path that was found.
+
+    None where the passes had no other noise: their covariance is the bound.
+    """
+    if taken.noise == 0.0:
+        return None
     flt = make_filter(
-        found.start.nominal, prepared.spec, 0.0, measured, prepared.aids, smooth=at == "start"
-    )
+        found.start.nominal, prepared.spec, 0.0, taken.measured, prepared.aids,
+        smooth=at == "start",
+    )  # fmt: skip
     run_pass(flt, prepared.record)
     return flt
 
 
-def _bound(
-    prepared: Prepared, found: FineAlignment, measured: Sequence[Measurement], at: str
-) -> Array:
+def _bound(prepared: Prepared, found: FineAlignment, taken: Taken, at: str) -> Array:
     """Return the bound along the path that was found."""
-    flt = bound_filter(prepared, found, measured, at)
+    flt = bound_filter(prepared, found, taken, at)
+    if flt is None:
+        return np.asarray((found.end if at == "end" else found.start).covariance[:3, :3])
     if at == "start":
         return np.asarray(flt.smoothed().covariance[0][:3, :3])
     return np.asarray(filtered_end(flt)[0].covariance[:3, :3])

@@ -28,7 +28,7 @@ from schuler.alignment.moving.setup import measurements
 from schuler.constants import STAMP_ROUNDING
 from schuler.errors import InputError
 from schuler.in_motion.coarse import CoarseAlignment
-from schuler.ins import ErrorStateFilter, Measurement
+from schuler.ins import Measurement
 from schuler.record import ImuRecord
 from schuler.sensors import ImuSpec
 from schuler.units import time_text
@@ -39,6 +39,9 @@ Array = NDArray[np.float64]
 
 _WIDE = 12.0
 """More than the stamp of a fix may be off, s."""
+
+_MARGIN = 0.1
+"""More than a stamp is moved after the passes, s."""
 
 _LOST = 10.0
 """Without a fix for so long that is said, s."""
@@ -66,8 +69,8 @@ class RunningAlignment:
         self._spec, self._warnings = spec, tuple(warnings)
         self._main = found.running
         self._base: MovingAlignment | None = None
-        # Nothing but the specification's noise: the Cramér-Rao bound along the path.
-        self._bound = bound_filter(prepared, found, taken.measured)
+        bound = bound_filter(prepared, found, taken)
+        self._filters = {"main": self._main, **({} if bound is None else {"bound": bound})}
         self._tally = Tally()
         self._tally.add(found.filter, taken.measured)
         self._begin = prepared.record.start
@@ -75,17 +78,18 @@ class RunningAlignment:
         self._samples = len(prepared.record)
         self.time = prepared.record.end
         self.last_fix = float(max(np.asarray(aid.time)[-1] for aid in taken.measured))
-        for flt in self._filters:
+        for flt in self._filters.values():
             flt.forget_outputs()
-
-    @property
-    def _filters(self) -> tuple[ErrorStateFilter, ErrorStateFilter]:
-        return self._main, self._bound
 
     @property
     def lag(self) -> float:
         """By how much the stamps of fixes are late, as the filter takes them, s, at least 0."""
         return max(0.0, *self._parts[3].restamped.values(), 0.0)
+
+    @property
+    def reach(self) -> float:
+        """By how much stamps and the instants of their fixes may differ, s."""
+        return _MARGIN + max(abs(late) for late in (0.0, *self._parts[3].restamped.values()))
 
     @property
     def heading_sigma(self) -> float:
@@ -102,7 +106,7 @@ class RunningAlignment:
             May hold others, too: those before the chunk and after it are left.
         """
         for aid in self._due(chunk, fixes):
-            for flt in self._filters:
+            for flt in self._filters.values():
                 flt.add(aid)
             self.last_fix = max(self.last_fix, float(np.asarray(aid.time)[-1]))
         # As the passes do: whether the heading is known is looked at on marks of one grid.
@@ -111,16 +115,16 @@ class RunningAlignment:
         while begin is None or begin < chunk.end:
             piece = chunk.between(begin, mark)
             if len(piece):
-                for flt in self._filters:
+                for flt in self._filters.values():
                     flt.update(piece)
             if mark <= chunk.end:
-                for flt in self._filters:
+                for flt in self._filters.values():
                     correct_if_known(flt, mark - self._begin, self._late)
             begin, mark = mark, mark + CHUNK
         self.time = chunk.end
         self._samples += len(chunk)
         self._tally.add(self._main, self._parts[3].measured)
-        for flt in self._filters:
+        for flt in self._filters.values():
             flt.forget_outputs()
 
     def _due(self, chunk: ImuRecord, fixes: GnssFixes | None) -> list[Measurement]:
@@ -161,7 +165,8 @@ class RunningAlignment:
         later = Later(
             self.time, self._samples, replace(self._tally, used=dict(self._tally.used),
                                               refused=dict(self._tally.refused)),
-            np.asarray(filtered_end(self._bound)[0].covariance[:3, :3]), tuple(warnings),
+            np.asarray(filtered_end(self._filters.get("bound", self._main))[0].covariance[:3, :3]),
+            tuple(warnings),
             self._base.history, self._base.summary,
         )  # fmt: skip
         now = replace(found, end=state, budget=budget)
@@ -175,12 +180,12 @@ class RunningAlignment:
         out = {
             "running": np.array([
                 self.time, self.last_fix, self._samples, self._tally.square, self._tally.count,
-                *(float(flt.feedback) for flt in self._filters),
+                *(float(flt.feedback) for flt in self._filters.values()),
             ]),
             "tally": np.array([[self._tally.used[n], self._tally.refused[n]] for n in labels],
                               np.float64),
         }  # fmt: skip
-        for part, flt in zip(("main", "bound"), self._filters, strict=True):
+        for part, flt in self._filters.items():
             for name, array in flt.arrays().items():
                 out[f"{part}_{name}"] = _flat(array)
         return out
@@ -196,12 +201,13 @@ class RunningAlignment:
         measured = self._parts[3].measured
         numbers, tally = arrays.get("running"), arrays.get("tally")
         if (
-            numbers is None or numbers.shape != (7,) or not np.all(np.isfinite(numbers))
+            numbers is None or numbers.shape != (5 + len(self._filters),)
+            or not np.all(np.isfinite(numbers))
             or tally is None or tally.shape != (len(measured), 2) or np.any(tally < 0.0)
             or not np.all(np.isfinite(tally)) or not self.time <= numbers[0]
         ):  # fmt: skip
             raise InputError("the saved state of an alignment in motion is damaged: 'running'")
-        for part, flt in zip(("main", "bound"), self._filters, strict=True):
+        for part, flt in self._filters.items():
             mine: dict[str, Any] = {}
             for name, array in flt.arrays().items():
                 other = arrays.get(f"{part}_{name}")
@@ -213,7 +219,7 @@ class RunningAlignment:
             flt.restore(mine)
         self.time, self.last_fix = float(numbers[0]), float(numbers[1])
         self._samples = int(numbers[2])
-        for flt, on in zip(self._filters, numbers[5:], strict=True):
+        for flt, on in zip(self._filters.values(), numbers[5:], strict=True):
             flt.feedback = bool(on)
         labels = [aid.label for aid in measured]
         self._tally = Tally(

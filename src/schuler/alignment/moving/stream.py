@@ -14,31 +14,31 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler._blas import with_one_blas_thread
 from schuler.aiding import GnssFixes
-from schuler.aiding.fix_rows import COLUMNS, FixSetting, is_possible
+from schuler.aiding.fix_rows import COLUMNS
 from schuler.alignment.moving.align import instrument_of, prepare
+from schuler.alignment.moving.fine import KNOWN
+from schuler.alignment.moving.fix_queue import COUNTS, FixQueue
 from schuler.alignment.moving.result import MovingAlignment
 from schuler.alignment.moving.running import RunningAlignment
 from schuler.alignment.moving.sample_tables import check_table, copied, records_of, table_of
-from schuler.constants import STAMP_ROUNDING
+from schuler.alignment.moving.stream_setting import StreamSetting
+from schuler.constants import DEG, STAMP_ROUNDING
 from schuler.errors import InputError
 from schuler.in_motion.body import BodyPass
 from schuler.in_motion.coarse import ENOUGH, coarse, missing
 from schuler.in_motion.rotation import LEAST_ROWS
 from schuler.in_motion.series import position_series, velocity_series
 from schuler.record import ImuRecord
-from schuler.sensors import ImuSpec
 from schuler.units import time_text
 
-__all__ = ["MovingStream", "StreamSetting"]
+__all__ = ["MovingStream"]
 
 Array = NDArray[np.float64]
 
@@ -52,59 +52,14 @@ time since the start."""
 _FORGET = 0.25
 """What is forgotten of the kept samples when they show no heading and are full."""
 
+_LONGER = 4.0
+"""So many times as long samples are kept while the heading is not known to two degrees."""
+
 _MOST_SAMPLES = 400_000
 """That are kept, whatever `keep` says: 26 MB, and passes of two seconds."""
 
-_WINDOW = 64
-"""Fixes that are kept for the running filter."""
-
-_MOST_FIXES = 20_000
-"""That are held, taken and to come: more are no receiver's."""
-
-_WINDOW_TIME = 12.0
-"""A fix may be stamped so much later than it is valid, s."""
-
-_COUNTS = ("fixes", "late_fixes", "repeated_fixes", "surplus_fixes")
-"""What became of fixes."""
-
-
-@dataclass(frozen=True)
-class StreamSetting:
-    """What a stream is aligned with.
-
-    Parameters
-    ----------
-    spec : ImuSpec, str or path, optional
-    antenna : FixSetting
-    latency : float
-        s by which a fix may be later than the samples of its instant: so long these wait for it.
-    keep : float
-        s of samples and fixes over which passes run back and forth.
-    vibration : float, optional
-        As of `align_moving`.
-
-    Raises
-    ------
-    InputError
-        For times that are too short or too long.
-
-    Examples
-    --------
-    >>> StreamSetting("tactical-fog", keep=120.0).latency
-    1.0
-    """
-
-    spec: ImuSpec | str | Path | None = None
-    antenna: FixSetting = field(default_factory=FixSetting)
-    latency: float = 1.0
-    keep: float = 300.0
-    vibration: float | None = None
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.latency <= 60.0:
-            raise InputError(f"the latency of fixes is 0 to 60 s, got {self.latency:g}")
-        if not 20.0 <= self.keep <= 3600.0:
-            raise InputError(f"20 to 3600 s of samples are kept, got {self.keep:g}")
+_STEP = 0.1
+"""Samples that fixes are given up for are taken in steps, s: each step costs some work."""
 
 
 class MovingStream:
@@ -136,7 +91,7 @@ class MovingStream:
         self.spec, self._warnings = instrument_of(self.setting.spec)
         self._waiting: list[ImuRecord] = []
         self._kept: list[ImuRecord] = []
-        self._rows = np.zeros((0, COLUMNS))
+        self._queue = FixQueue()
         self._kept_rows = np.zeros((0, COLUMNS))
         self._pass: BodyPass | None = BodyPass()
         self._run: RunningAlignment | None = None
@@ -144,9 +99,9 @@ class MovingStream:
         self._passed = 0, 0
         self._full = False
         self._second: float | None = None
+        self._lost = -np.inf
         self.trouble: str | None = None
         self.samples = 0
-        self.counts: Counter[str] = Counter()
 
     # -- feeding -----------------------------------------------------------------------
 
@@ -178,31 +133,15 @@ class MovingStream:
         InputError
             For an array of another shape, or rows that no vehicle can have.
         """
-        rows = np.asarray(rows, np.float64)
-        if rows.ndim != 2 or rows.shape[1] != COLUMNS:
-            raise InputError(f"fixes come as rows of {COLUMNS} numbers, got {rows.shape}")
-        if not all(is_possible(row) for row in rows):
-            raise InputError("a fix is no place on Earth, or faster than a vehicle")
-        late = repeated = surplus = 0
-        for row in rows:
-            if self.samples and row[0] - self._lag <= self.time + STAMP_ROUNDING:
-                late += 1
-                continue
-            k = int(np.searchsorted(self._rows[:, 0], row[0]))
-            near = self._rows[max(k - 1, 0) : k + 1, 0]
-            if np.any(np.abs(near - row[0]) < STAMP_ROUNDING):
-                repeated += 1
-                continue
-            if len(self._rows) >= _MOST_FIXES:
-                surplus += 1
-                continue
-            self._rows = np.insert(self._rows, k, row, axis=0)
-        self.counts.update(
-            fixes=len(rows) - late - repeated - surplus, late_fixes=late, repeated_fixes=repeated,
-            surplus_fixes=surplus,
-        )  # fmt: skip
+        after = self.time + self._lag if self.samples else -np.inf
+        late = self._queue.add(rows, after)
         self._advance(final=False)
         return late
+
+    @property
+    def counts(self) -> Counter[str]:
+        """What became of the fixes, by `COUNTS`."""
+        return self._queue.counts
 
     def finish(self) -> None:
         """Take what still waits: the stream has ended."""
@@ -220,7 +159,7 @@ class MovingStream:
         """Time of the last sample that was taken, s; -inf without one."""
         if self._run is not None:
             return self._run.time
-        return self._kept[-1].end if self._kept else -np.inf
+        return self._kept[-1].end if self._kept else self._lost
 
     @property
     def _lag(self) -> float:
@@ -233,10 +172,11 @@ class MovingStream:
             return
         newest, limit = self.newest, np.inf
         if not final:
-            limit = newest - self.setting.latency
-            if len(self._rows):
+            limit = float(np.floor((newest - self.setting.latency) / _STEP)) * _STEP
+            rows = self._queue.rows
+            if len(rows):
                 # Fixes come in order: before the last one none is missing.
-                limit = max(limit, min(newest, float(self._rows[-1, 0]) - self._lag))
+                limit = max(limit, min(newest, float(rows[-1, 0]) - self._lag))
         if self._waiting[0].time[0] > limit + STAMP_ROUNDING:
             return
         waiting = ImuRecord.concatenate(self._waiting)
@@ -256,26 +196,19 @@ class MovingStream:
         begin = self.time if self.samples else chunk.start - STAMP_ROUNDING
         self.samples += len(chunk)
         if self._run is not None:
-            known = self._rows[: self._due_rows(chunk.end + _WINDOW_TIME)]
-            self._run.feed(chunk, self._fixes(known[-_WINDOW:]))
+            reach = self._run.reach
+            rows = self._queue.around(begin - reach, chunk.end + reach)
+            self._run.feed(chunk, self._fixes(rows) if len(rows) else None)
         if self._full:
-            # Those before are needed no more.
-            self._rows = self._rows[max(self._due_rows(chunk.end) - _WINDOW, 0) :]
             return
         self._kept.append(chunk)
         if self._pass is not None:
             self._follow(self._pass, chunk, begin)
 
     def _follow(self, sums: BodyPass, chunk: ImuRecord, begin: float) -> None:
-        due = self._rows[:, 0] - self.setting.antenna.delay
+        due = self._queue.rows[:, 0] - self.setting.antenna.delay
         sums.add_due(due[(due > begin) & (due <= chunk.end + STAMP_ROUNDING)])
         sums.update(chunk)
-
-    def _due_rows(self, time: float) -> int:
-        """Return how many fixes are valid up to a time."""
-        return int(
-            np.searchsorted(self._rows[:, 0] - self._lag, time + STAMP_ROUNDING, side="right")
-        )
 
     def _fixes(self, rows: Array) -> GnssFixes | None:
         """Return the fixes of rows, or None where they are too few."""
@@ -289,18 +222,34 @@ class MovingStream:
     def _decide(self) -> None:
         """Look for a heading where it is time to, and forget what is too much."""
         if self._full:
+            assert self._run is not None
+            self._queue.forget(self.time - self._run.reach)
+            if self._run.heading_sigma > ENOUGH:
+                self._begin_anew()
             return
         if self.time >= self._next:
             self._look()
         span, count = self.time - self._kept[0].start, sum(map(len, self._kept))
-        if span < self.setting.keep and count < _MOST_SAMPLES:
+        keep = self.setting.keep
+        if self._run is not None and self._run.heading_sigma > KNOWN:
+            # Passes about a heading that is far off leave their error in what a filter makes of it.
+            keep *= _LONGER
+        if span < keep and count < _MOST_SAMPLES:
             return
         if self._run is None:
             self._forget(span)
             return
         self._full = True
         self._kept = [copied(self._whole().rows(0, self._passed[0]))]
-        self._kept_rows = self._rows[: self._passed[1]].copy()
+        self._kept_rows = self._queue.rows[: self._passed[1]].copy()
+
+    def _begin_anew(self) -> None:
+        """Forget an alignment whose heading has been lost, and look for one in what comes."""
+        lost = self.time
+        self._queue.rows = self._queue.rows[self._queue.due(lost + self._lag) :]
+        self._kept, self._kept_rows = [], self._kept_rows[:0]
+        self._pass, self._run, self._full = BodyPass(), None, False
+        self._passed, self._next, self._lost = (0, 0), lost + 1.0, lost
 
     def _look(self) -> None:
         span = self.time - self._kept[0].start
@@ -309,7 +258,7 @@ class MovingStream:
             if self.trouble is not None:
                 self._next = self.time + max(1.0, _WAIT * span)
                 return
-        self._passes(len(self._whole()), self._due_rows(self.time))
+        self._passes(len(self._whole()), self._queue.due(self.time + self._lag))
         self._next = self.time + max(1.0, (_GROWTH - 1.0) * span)
 
     def _whole(self) -> ImuRecord:
@@ -319,7 +268,7 @@ class MovingStream:
     @with_one_blas_thread
     def _no_heading(self) -> str | None:
         """Return why the running sums show no heading, or None where they do."""
-        rows = self._rows[: self._due_rows(self.time)]
+        rows = self._queue.rows[: self._queue.due(self.time + self._lag)]
         count = len(rows)
         if count < LEAST_ROWS or self._pass is None:
             return (
@@ -349,7 +298,7 @@ class MovingStream:
         """Run back and forth over the first samples and fixes that are kept."""
         record, antenna = self._whole().rows(0, count), self.setting.antenna
         try:
-            prepared = prepare(record, [antenna.fixes(self._rows[:fixes])], self.spec, None)
+            prepared = prepare(record, [antenna.fixes(self._queue.rows[:fixes])], self.spec, None)
             first, rough = prepared.coarse()
             found, taken = prepared.fine(rough, first, self.setting.vibration)
             run = RunningAlignment(prepared, rough, found, taken, self.spec, self._warnings)
@@ -365,9 +314,8 @@ class MovingStream:
         begin = self._kept[0].start + _FORGET * span
         self._kept = [copied(whole.between(begin, None))]
         start = self._kept[0].start
-        self._rows = self._rows[
-            self._rows[:, 0] - self.setting.antenna.delay >= start - STAMP_ROUNDING
-        ]
+        valid = self._queue.rows[:, 0] - self.setting.antenna.delay
+        self._queue.rows = self._queue.rows[valid >= start - STAMP_ROUNDING]
         self._pass = BodyPass()
         self._follow(self._pass, self._kept[0], start - STAMP_ROUNDING)
 
@@ -387,7 +335,13 @@ class MovingStream:
             If no heading is known yet; it says what is missing.
         """
         if self._run is None:
-            raise InputError(self.trouble or "too few samples and fixes came to align")
+            said = self.trouble or "too few samples and fixes came to align"
+            if np.isfinite(self._lost):
+                said += (
+                    f"; at t = {time_text(self._lost)} s the heading had been lost: its sigma was "
+                    f"beyond {ENOUGH / DEG:.0f} deg"
+                )
+            raise InputError(said)
         return self._run.solution()
 
     # -- saving ------------------------------------------------------------------------
@@ -396,11 +350,11 @@ class MovingStream:
         """Return all that a later stream, made alike, needs to resume."""
         out = {
             **table_of("kept", self._kept), **table_of("waiting", self._waiting),
-            "fixes": self._rows, "kept_fixes": self._kept_rows,
+            "fixes": self._queue.rows, "kept_fixes": self._kept_rows,
             "stream": np.array([
                 self._next, *self._passed, self._full, self.samples, self._run is not None,
-                -np.inf if self._second is None else self._second,
-                *(self.counts[name] for name in _COUNTS),
+                -np.inf if self._second is None else self._second, self._lost,
+                *(self.counts[name] for name in COUNTS),
             ], np.float64),
         }  # fmt: skip
         return out if self._run is None else {**out, **self._run.arrays()}
@@ -415,7 +369,7 @@ class MovingStream:
         """
         damaged = InputError("the saved state of an alignment in motion is damaged")
         s = arrays.get("stream")
-        if s is None or s.shape != (7 + len(_COUNTS),) or np.any(np.isnan(s)):
+        if s is None or s.shape != (8 + len(COUNTS),) or np.any(np.isnan(s)):
             raise damaged
         for key in ("fixes", "kept_fixes"):
             check_table(key, arrays.get(key), COLUMNS)
@@ -425,7 +379,7 @@ class MovingStream:
         if not 0 <= passed[0] <= len(arrays.get("kept", ())) or not 0 <= passed[1] <= len(rows):
             raise damaged
         self._kept = records_of("kept", arrays, name)
-        self._rows = rows.copy()
+        self._queue.rows = rows.copy()
         self._pass, self._run = BodyPass(), None
         if running:
             self._passes(*passed)
@@ -434,11 +388,12 @@ class MovingStream:
             self._run.restore(arrays)
         elif self._kept:
             self._follow(self._pass, self._kept[0], self._kept[0].start - STAMP_ROUNDING)
-        self._rows, self._kept_rows = arrays["fixes"].copy(), arrays["kept_fixes"].copy()
+        self._queue.rows, self._kept_rows = arrays["fixes"].copy(), arrays["kept_fixes"].copy()
         self._waiting = records_of("waiting", arrays, name)
         self._next, self._passed, self._full = float(s[0]), passed, full
         self.samples = int(s[4])
         self._second = None if np.isinf(s[6]) else float(s[6])
-        self.counts = Counter(
-            {key: int(n) for key, n in zip(_COUNTS, s[7:], strict=True) if n > 0.0}
+        self._lost = float(s[7])
+        self._queue.counts = Counter(
+            {key: int(n) for key, n in zip(COUNTS, s[8:], strict=True) if n > 0.0}
         )
