@@ -407,3 +407,20 @@ def public_names() -> set[str]:
             shared = (ROOT / "src" / where.replace(".", "/")).with_suffix(".py").exists()
             names.add(f"{where}.{name}" if shared else where)
     return names
+
+
+def test_how_tos_and_tutorials_say_what_they_need_and_how_long_they_take():
+    pages = [*(DOCS / "how-to").glob("*.md"), *(DOCS / "tutorials").glob("*.md")]
+    assert len(pages) > 15
+    for page in pages:
+        head = " ".join(page.read_text(encoding="utf-8").partition("\n## ")[0].split())
+        assert head.count("**You have**") == 1, page.name
+        assert head.count("**It takes**") == 1, page.name
+
+
+def test_the_first_page_of_the_project_sends_nobody_in_all_directions():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    links = re.findall(r"(?<!!)\[[^\]]+\]\(([^)]+)\)", text)
+    assert 0 < len(links) <= 10, links
+    for link in links:
+        assert (ROOT / link.partition("#")[0]).is_file(), link

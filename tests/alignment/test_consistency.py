@@ -19,6 +19,7 @@ from schuler.motion import DisturbedVehicle, Dwell, Static, Turn, Turntable
 from schuler.record import ImuRecord
 from schuler.sensors import GRADES
 from schuler.simulation import simulate
+from tests.alignment.good_and_faulty import run
 
 GRADE_NAMES = ("navigation-fog", "navigation-rlg", "tactical-fog", "industrial-mems")
 
@@ -292,3 +293,11 @@ def test_positions_between_which_the_bias_turns_far_leave_nothing():
         assert np.all(fix.sigma_arcmin * ARCMIN <= UNIFORM_SIGMA * (1 + 1e-9))
         unknown += any("several attitudes may fit" in text for text in fix.warnings)
     assert unknown >= 2
+
+
+@pytest.mark.parametrize("seed", [588, 649, 1078])
+def test_gyros_that_hide_the_earth_rate_are_not_refuted_by_chance(seed):
+    """Estimates that do not settle: where they end, digits decide."""
+    (found,) = run(seed, ("",))
+    assert "industrial-mems" in found.case
+    assert found.told == "consistent", found.text

@@ -339,6 +339,15 @@ def test_demo(run: Run, tmp_path: Path) -> None:
     assert both[0] == both[1]
 
 
+def test_demo_without_plotly_has_no_report_and_says_so(run, tmp_path, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    done = run("demo", "--out", tmp_path, "--minutes", "0.5")
+    assert done.code == 0
+    assert "report" not in done.out
+    assert "pip install 'schuler[report]'" in done.err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["demo.json", "demo.parquet"]
+
+
 # -- as a process ----------------------------------------------------------------------
 
 

@@ -144,18 +144,3 @@ def test_a_contradiction_comes_first_and_in_json(drive):
     assert process.returncode == 3, err.decode()
     last = lines_of(out)[-1]
     assert any("times their sigma" in text or "refused" in text for text in last["contradictions"])
-
-
-def test_the_page_says_what_became_of_the_fixes(drive):
-    from schuler.aiding.stream_clock import StreamClock
-    from schuler.alignment import LiveAids, MovingLiveSession, StreamSetting
-    from schuler.cli.live_aids import counts_on_page
-
-    _, record, gnss = drive
-    session = MovingLiveSession(LiveAids(StreamClock("utc"), StreamSetting("tactical-fog")))
-    for second, data in in_turn(frames(record, UTC_DAY)[:500], sentences(gnss, UTC_DAY)[:8]):
-        (session.feed_aid if second else session.feed)(data)
-    counts = counts_on_page(session)
-    assert counts["fixes taken in"] == 8
-    assert counts["sentences with a wrong checksum"] == 0
-    assert counts["aligned"] > 0

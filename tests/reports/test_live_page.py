@@ -20,6 +20,7 @@ import pytest
 
 from schuler.alignment import Alignment, LiveSession, align
 from schuler.alignment.session import SpanFix
+from schuler.attitude import euler_to_quat
 from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.io.packets import encode_frame
@@ -68,6 +69,24 @@ def test_a_solution_is_shown_with_its_sigma_and_what_was_lost(fix: Alignment) ->
     ]
 
 
+def test_a_heading_that_rounds_to_a_full_turn_is_north(fix: Alignment) -> None:
+    north = replace(fix, quat_nb=euler_to_quat([np.radians(1e-4), 0.0, 0.0]))
+    assert north.heading_deg == pytest.approx(359.9999)
+    page = LivePage("-")
+    page.update(SpanFix(north, 1), {}, 1)
+    assert re.fullmatch(r"0\.0+°", page.state["heading"]["value"])
+
+
+def test_a_window_that_moves_on_still_converges_over_time(fix: Alignment) -> None:
+    """Of a stream in motion the part that is used has one length from some time on."""
+    page = LivePage("-")
+    for k in range(5):
+        moved = replace(fix, start=100.0 + 10.0 * k, end=400.0 + 10.0 * k)
+        page.update(SpanFix(moved, 1), {}, 1, aid_counts={"aid_checksum": k, "late": 0})
+    assert [p[0] for p in page.state["points"]] == [300.0, 310.0, 320.0, 330.0, 340.0]
+    assert page.state["fixes"] == [[4, "sentences with a wrong checksum"]]
+
+
 def test_contradictions_stay_and_those_of_the_end_are_added_once(fix: Alignment) -> None:
     page = LivePage("-")
     page.update(SpanFix(fix.contradicted(["too fast"]), 1), {"aligned": 9}, 1)
@@ -92,7 +111,7 @@ def test_a_waiting_and_a_failed_stream_say_why() -> None:
 
 def test_what_is_not_finite_is_null_in_the_event(fix: Alignment) -> None:
     page = LivePage("-")
-    wide = replace(fix, covariance=np.diag([math.inf] * 3), bound=None)
+    wide = replace(fix, covariance=np.diag([math.inf] * 3), bound=None, spec=None)
     page.update(SpanFix(wide, 1), {}, 1)
     state = data_of(page.event())
     assert state["points"][0][3] is None

@@ -96,11 +96,19 @@ def assess(
         if spec is not None and bias > 4.6 * bias_sigma(spec.gyro, site.gravity):
             contradictions = (Contradiction("earth-rate", _bias_text(bias, spec)),)
         return Assessment(_level_only(h, summary, site, spec), contradictions, (_NO_HEADING,))
+    hidden = False
     try:
         if spec is not None and found.best is not None:
+            first = found
             h, found, settled = _relinearised(h, spec, found, again)
             if not settled and len(found.positions) > 1:
                 return Assessment(_unknown(found), (), (_NOT_SETTLED,))
+            horizontal = EARTH_RATE * np.cos(site.latitude)
+            if not settled and bias_sigma(spec.gyro, site.gravity) > horizontal:
+                # Where the last step led is chance. The first one's test holds: it is linear.
+                h, found, hidden = whole, first, True
+                if first.best is not None and len(first.best.dwells) > 1:
+                    return Assessment(_unknown(first), (), (_NOT_SETTLED,))
         best = found.best if found.best is not None else joint(h, site, found.spec)
         result = check(h, best, summary, site, found.spec, latitude_known)
     except np.linalg.LinAlgError:
@@ -112,7 +120,7 @@ def assess(
         # Whatever the method, the bound is that of all positions.
         found = replace(found, positions=tuple(best.positions(site)))
     notes: list[str] = []
-    if result.least_bias > EARTH_RATE * np.cos(site.latitude):
+    if hidden or result.least_bias > EARTH_RATE * np.cos(site.latitude):
         found = _level_only(h, summary, site, spec)
         notes.append(_NO_HEADING)
     elif result.least_bias > 0.0:

@@ -37,6 +37,8 @@ def command(out: str, seed: int, minutes: float) -> None:
       schuler demo
       schuler demo --out here --minutes 2 --seed 7
     """  # noqa: D301
+    from importlib.util import find_spec
+
     import numpy as np
 
     import schuler as sc
@@ -74,7 +76,9 @@ def command(out: str, seed: int, minutes: float) -> None:
             f"{made.heading_deg():.5f} deg at the end",
         },
     )
-    sc.report(fix, folder / "demo.html")
+    drawn = find_spec("plotly") is not None
+    if drawn:
+        sc.report(fix, folder / "demo.html")
     emit_json(fix.to_dict(), str(folder / "demo.json"))
 
     truth = made.heading_deg()
@@ -84,4 +88,11 @@ def command(out: str, seed: int, minutes: float) -> None:
         f"truth: heading {truth:.3f} deg; the estimate is off by {off:+.2f}' "
         f"({abs(off) / float(fix.sigma_arcmin[2]):.1f} sigma)"
     )
-    echo(f"record {path}, report {folder / 'demo.html'}, result {folder / 'demo.json'}")
+    report = f"report {folder / 'demo.html'}, " if drawn else ""
+    echo(f"record {path}, {report}result {folder / 'demo.json'}")
+    if not drawn:
+        echo(
+            "note: reports are drawn by Plotly, which is not installed: pip install "
+            "'schuler[report]'",
+            err=True,
+        )

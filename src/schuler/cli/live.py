@@ -18,7 +18,6 @@ from schuler.cli.completion import methods, prefilters, specs
 from schuler.cli.live_aids import (
     MAX_GAP,
     aid_counts,
-    counts_on_page,
     feed_aids,
     live_aid_options,
     live_aids_taken,
@@ -299,8 +298,8 @@ class _Page(AbstractContextManager["_Page"]):
         """Show a solution, or that there is none yet."""
         for text in notes:
             self._page.note(text)
-        self._page.update(fix, counts_on_page(session), session.spans, silent=silent,
-                          trouble=session.trouble)  # fmt: skip
+        self._page.update(fix, session.counts(), session.spans, silent=silent,
+                          trouble=session.trouble, **aid_counts(session))  # fmt: skip
         self._server.show()
 
     def finish(self, session: LiveSession, outcome: Outcome, notes: list[str]) -> None:

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 __all__ = [
     "MAX_GAP",
     "aid_counts",
-    "counts_on_page",
     "feed_aids",
     "live_aid_options",
     "live_aids_taken",
@@ -105,24 +104,6 @@ def aid_counts(session: LiveSession) -> dict[str, Any]:
     if not isinstance(session, MovingLiveSession):
         return {}
     return {"aid_counts": session.aid_counts()}
-
-
-#: count of fixes -> what the page says; others are said by `REASONS` of the stream
-_ON_A_PAGE = {
-    "fixes": "fixes taken in", "waiting": "fixes before the first sample",
-    "repeated": "fixes that came twice", "surplus": "fixes more than are held",
-    "late": "fixes after their samples", "off_clock": "fixes of another clock",
-    "foreign": "sentences of another sender",
-}  # fmt: skip
-
-
-def counts_on_page(session: LiveSession) -> dict[str, int]:
-    """Return what became of samples, and of fixes in words."""
-    from schuler.io.gnss.nmea_stream import REASONS
-
-    said = {**_ON_A_PAGE, **REASONS}
-    fixes = aid_counts(session).get("aid_counts", {})
-    return {**session.counts(), **{said[name]: n for name, n in fixes.items()}}
 
 
 def live_aids_taken(options: dict[str, Any]) -> dict[str, Any] | None:

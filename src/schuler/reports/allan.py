@@ -77,9 +77,16 @@ def noise_page(fit: NoiseFit) -> Page:
 def _headline(found: Allan, fit: NoiseFit | None) -> str:
     warned = found.warnings() + (fit.warnings() if fit is not None else [])
     items = "".join(f"<li>{escape(text)}</li>" for text in warned)
-    facts = ""
+    facts, value = "", f"{escape(found.kind.capitalize())} deviation"
     if fit is not None:
         spec = fit.to_spec()
+        # Of a record at rest the first question is the white noise: the gyros', or what there is.
+        for part, key in (("gyro", spec.gyro.WHITE), ("accelerometer", spec.accelerometer.WHITE)):
+            text = spec.describe()[part].get(key)
+            if text is not None:
+                words = f"{key.replace('_', ' ')} of the {part}s"
+                value = f'{escape(text)} <span class="pm">{words}</span>'
+                break
         shown = [
             (f"{part} {key.replace('_', ' ')}", value)
             for part, values in spec.describe().items()
@@ -90,8 +97,9 @@ def _headline(found: Allan, fit: NoiseFit | None) -> str:
         )
     return (
         f"<h1>Noise · {escape(found.name)}</h1>"
-        f'<p class="value">{escape(found.kind.capitalize())} deviation</p>'
-        f'<p class="sub">{found.samples} samples, {found.duration:.6g} s at '
+        f'<p class="value">{value}</p>'
+        f'<p class="sub">{escape(found.kind.capitalize())} deviation of {found.samples} samples, '
+        f"{found.duration:.6g} s at "
         f"{1.0 / found.interval:.6g} Hz"
         + (". Below: the fitted noise, rms over the axes." if facts else ".")
         + "</p>"

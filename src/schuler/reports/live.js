@@ -29,10 +29,10 @@
   }
   // Marks of angles on a logarithmic axis, in arcmin: round in arcmin, and from 1 deg on in degrees.
   function angles(low, high) {
-    const one = [0.01, 0.1, 1, 10].flatMap((p) => [p, 2 * p, 5 * p]).filter((v) => v < 60);
+    const one = [0.01, 0.1, 1, 10].flatMap((p) => [p, 2 * p, 5 * p]).filter((v) => v < 50);
     const all = [...one, ...[1, 2, 5, 10, 20, 50, 100].map((v) => 60 * v)];
     const out = all.filter((v) => v >= low && v <= high);
-    return out.length > 7 ? out.filter((v) => all.indexOf(v) % 3 === 0) : out;
+    return out.length > 7 ? out.filter((v) => [0.01, 0.1, 1, 10, 60, 600].includes(v)) : out;
   }
   const seconds = (t) => (t >= 600 ? `${+(t / 60).toFixed(1)} min` : `${+t.toFixed(1)} s`);
 
@@ -116,7 +116,7 @@
     // A screen reader says an alert again when its content is replaced: only when it changed.
     if ($("contradictions").dataset.told !== told) {
       $("contradictions").dataset.told = told;
-      fill($("contradictions"), state.contradictions, (text) => element("li", text));
+      fill($("contradictions").querySelector("ul"), state.contradictions, (text) => element("li", text));
     }
     $("contradictions").hidden = state.contradictions.length === 0;
     fill($("warnings"), state.warnings, (text) => element("li", text));
@@ -128,12 +128,15 @@
       item.append(element("b", value), element("span", what));
       return item;
     });
-    fill($("counts").tBodies[0], state.counts, ([n, what]) => {
+    const counted = ([n, what]) => {
       const row = element("tr"), head = element("th", what);
       head.scope = "row";
       row.append(element("td", n.toLocaleString("en")), head);
       return row;
-    });
+    };
+    fill($("counts").tBodies[0], state.counts, counted);
+    fill($("fixes").querySelector("tbody"), state.fixes, counted);
+    $("fixes").hidden = state.fixes.length === 0;
     fill($("notes").querySelector("ul"), state.notes, (text) => element("li", text));
     $("notes").hidden = state.notes.length === 0;
     document.title = (state.contradictions.length ? "INCONSISTENT " : "") +

@@ -16,6 +16,7 @@ from typing import Any
 
 from schuler.alignment.result import NO_HEADING, Alignment
 from schuler.alignment.session import SpanFix
+from schuler.io.gnss.nmea_stream import REASONS as FIX_REASONS
 from schuler.io.packets import REASONS as PACKET_REASONS
 from schuler.io.streams import REASONS as STREAM_REASONS
 
@@ -36,6 +37,9 @@ _TOLD = {
     **{name: text.replace(" (--key-file)", "") for name, text in STREAM_REASONS.items()},
     **{name: text.replace(" (--key-file)", "") for name, text in PACKET_REASONS.items()},
 }
+
+
+_OF_FIXES = {"fixes": "taken", "off_clock": "off the clock of the samples", **FIX_REASONS}
 
 
 class LivePage:
@@ -60,11 +64,13 @@ class LivePage:
         self._stride = 1
         self._seen = 0
         self._span = 0
+        self._begun = 0.0
         self._notes: list[str] = []
         self.state: dict[str, Any] = {
             "phase": "waiting", "source": source, "every": every, "silent": None,
             "heading": None, "facts": [], "why": "", "span": 0, "spans": 0, "counts": [],
-            "contradictions": [], "warnings": [], "notes": [], "end": "", "points": [],
+            "fixes": [], "contradictions": [], "warnings": [], "notes": [], "end": "",
+            "points": [],
         }  # fmt: skip
 
     def update(
@@ -75,6 +81,7 @@ class LivePage:
         *,
         silent: float | None = None,
         trouble: str | None = None,
+        aid_counts: Mapping[str, int] | None = None,
     ) -> None:
         """Take a solution, or that there is none yet.
 
@@ -89,9 +96,13 @@ class LivePage:
             Time since the last sample, s.
         trouble : str, optional
             Why there is no solution.
+        aid_counts : mapping of str to int, optional
+            What became of the fixes, of an alignment in motion.
         """
         self.state |= {
-            "silent": silent, "spans": spans, "why": trouble or "", "counts": _counts(counts),
+            "silent": silent, "spans": spans, "why": trouble or "",
+            "counts": _counts(counts, _TOLD),
+            "fixes": _counts(aid_counts or {}, _OF_FIXES),
             "contradictions": [], "warnings": [],
         }  # fmt: skip
         if found is None:
@@ -100,6 +111,7 @@ class LivePage:
         if found.span != self._span:
             # Times of another span have another beginning.
             self._span, self._points, self._stride, self._seen = found.span, [], 1, 0
+            self._begun = fix.start
         self._add(fix)
         self.state |= {
             "phase": "aligning", "span": found.span, "heading": _heading(fix),
@@ -157,10 +169,14 @@ class LivePage:
         return f"event: state\ndata: {json.dumps(self.state, allow_nan=False)}\n\n".encode()
 
     def _add(self, fix: Alignment) -> None:
-        """Add a point of the convergence: time used, heading, sigma and limit (arcmin)."""
+        """Add a point of the convergence: time, heading, sigma and limit (arcmin).
+
+        The time is that since the span began; the part of it that a stream in motion uses ends
+        with it and may be shorter.
+        """
         bound = fix.limit_arcmin
         point = [
-            fix.duration, fix.heading_deg, fix.heading_sigma_arcmin,
+            fix.end - self._begun, fix.heading_deg, fix.heading_sigma_arcmin,
             None if bound is None else float(bound[2]),
         ]  # fmt: skip
         point = [v if v is not None and math.isfinite(v) else None for v in point]
@@ -175,10 +191,10 @@ class LivePage:
             self._points, self._stride = self._points[::2], 2 * self._stride
 
 
-def _counts(counts: Mapping[str, int]) -> list[list[str | int]]:
+def _counts(counts: Mapping[str, int], told: Mapping[str, str]) -> list[list[str | int]]:
     """Return how many packets and what became of them, those that are none left out."""
     return [
-        [n, _TOLD.get(name, name.replace("_", " "))]
+        [n, told.get(name, name.replace("_", " "))]
         for name, n in counts.items()
         # The sum of two others; and what counts even as none.
         if name != "damaged" and (n or name in ("aligned", "lost"))
@@ -203,7 +219,10 @@ def _heading(fix: Alignment) -> dict[str, str]:
     sigma = fix.heading_sigma_arcmin
     if sigma > 60.0 * NO_HEADING:
         return {"value": "no heading", "sigma": f"sigma {_arcmin(sigma)}"}
-    return {"value": f"{fix.heading_deg:.{_digits(sigma)}f}°", "sigma": f"± {_arcmin(sigma)}"}
+    digits = _digits(sigma)
+    # Rounded before it is written: 359.999 is 0.00, and not 360.00.
+    value = round(fix.heading_deg, digits) % 360.0
+    return {"value": f"{value:.{digits}f}°", "sigma": f"± {_arcmin(sigma)}"}
 
 
 def _facts(fix: Alignment) -> list[list[str]]:
@@ -211,7 +230,8 @@ def _facts(fix: Alignment) -> list[list[str]]:
     east, north, _ = map(float, fix.sigma_arcmin)
     up = fix.heading_sigma_arcmin
     bound = None if fix.limit_arcmin is None else float(fix.limit_arcmin[2])
-    against = "give --spec" if bound is None else f"{_arcmin(up)} / {_arcmin(bound)}"
+    unknown = "give --spec" if fix.spec is None else "none stated"
+    against = unknown if bound is None else f"{_arcmin(up)} / {_arcmin(bound)}"
     return [
         [f"{fix.pitch_deg:.{_digits(max(east, north))}f}°", "pitch"],
         [f"{fix.roll_deg:.{_digits(max(east, north))}f}°", "roll"],
