@@ -92,7 +92,8 @@ def main(runs: int) -> None:
     low, high = (x / (3 * runs) for x in chi_square_band(3 * runs, 0.05))
     lines = [
         "Routes of 300 s as in [how near it comes](concepts/in-motion.md#how-near-it-comes), the "
-        f"first {KEEP:.0f} s kept and the filter alone beyond; {runs} runs of each, seeds 0 to "
+        f"first {KEEP:.0f} s kept (four times that until the heading is known to 2 deg) and the "
+        f"filter alone beyond; {runs} runs of each, seeds 0 to "
         f"{runs - 1}. Root mean square of the heading's error over the bound (± "
         f"{70 / runs**0.5:.0f} %), of passes over the whole and of the stream at that instant, "
         f"NEES/3 of the attitude (95 % band {low:.2f} to {high:.2f}), and how far both headings "
