@@ -52,7 +52,7 @@ def test_both_grow(run, files, tmp_path):
     out = tmp_path / "live.json"
     with subprocess.Popen(
         [sys.executable, "-W", "error", "-m", "schuler", "align", paths[0], "--gnss", paths[1],
-         "--spec", "tactical-fog", "--follow", "--latency", "30s", "--idle", "2s", "--json", out],
+         "--spec", "tactical-fog", "--follow", "--latency", "30s", "--idle", "1.5s", "--json", out],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     ) as process:  # fmt: skip
         for begin, end in ((0.0, 0.3), (0.3, 0.61), (0.61, 1.0)):
@@ -60,7 +60,7 @@ def test_both_grow(run, files, tmp_path):
                 first, last = (head + int(part * (len(text) - head)) for part in (begin, end))
                 with path.open("a") as file:
                     file.write(text[first:last])
-                time.sleep(0.3)
+                time.sleep(0.15)
         _, err = process.communicate(timeout=120)
     assert process.returncode == 0, err
     whole = run("align", *(files[0], "--gnss", files[1]), "--spec", "tactical-fog", "--json", "-")

@@ -50,7 +50,7 @@ def test_samples_and_sentences_by_udp(drive):
     """Two senders, one with damaged sentences: the heading is found, and what was lost is said."""
     made, record, gnss = drive
     process = start(
-        "udp:0", "--gnss", "udp:0", "--imu-time", "utc", "--idle", "2", "--every", "0.2"
+        "udp:0", "--gnss", "udp:0", "--imu-time", "utc", "--idle", "1.5", "--every", "0.3"
     )  # fmt: skip
     imu, nmea = listening(process)
     damaged = b"$GPGGA,000001.00,4000.0,N*11\r\n"
@@ -132,3 +132,32 @@ def test_steady_and_straight_is_said():
     _, err = process.communicate(b"".join(data for _, data in items), timeout=120)
     assert process.returncode == 2
     assert "brake or turn" in err.decode()
+
+
+def test_a_contradiction_comes_first_and_in_json(drive):
+    """Fixes that are said to be forty times better than they are."""
+    _, record, gnss = drive
+    items = in_turn(frames(record, UTC_DAY), sentences(gnss, UTC_DAY))
+    process = start("-", "--gnss", "-", "--imu-time", "utc", "--gnss-sigma", "0.001,0.005",
+                    "--vibration", "0")  # fmt: skip
+    out, err = process.communicate(b"".join(data for _, data in items), timeout=120)
+    assert process.returncode == 3, err.decode()
+    last = lines_of(out)[-1]
+    assert any("times their sigma" in text or "refused" in text for text in last["contradictions"])
+
+
+def test_the_page_says_what_became_of_the_fixes(drive):
+    from schuler.aiding.stream_clock import StreamClock
+    from schuler.alignment import LiveAids, MovingLiveSession, StreamSetting
+    from schuler.cli.live_aids import aid_counts
+    from schuler.reports.live_page import LivePage
+
+    _, record, gnss = drive
+    session = MovingLiveSession(LiveAids(StreamClock("utc"), StreamSetting("tactical-fog")))
+    for second, data in in_turn(frames(record, UTC_DAY)[:500], sentences(gnss, UTC_DAY)[:8]):
+        (session.feed_aid if second else session.feed)(data)
+    page = LivePage("-")
+    page.update(None, session.counts(), **aid_counts(session))
+    assert [8, "taken"] in page.state["fixes"]
+    said = [text for _, text in page.state["fixes"]]
+    assert "sentences with a wrong checksum" not in said

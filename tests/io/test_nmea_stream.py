@@ -24,10 +24,17 @@ def test_a_fix_has_what_its_sentences_say():
     (row,) = stream.feed(gga(11.25, *PLACE))
     np.testing.assert_allclose(row[:4], [10.0, *PLACE], rtol=0.0, atol=1e-7)
     np.testing.assert_allclose(row[7:9], V[:2], atol=1e-5)
-    # A single fix has fifty times the sigma of an RTK fixed one.
-    np.testing.assert_allclose(row[4:7], 150.0)
+    np.testing.assert_allclose(row[4:7], 3.0)
     assert row[13] == 5.0
     np.testing.assert_allclose(row[10:12], 0.1)
+
+
+def test_sigma_is_that_of_the_best_quality_that_came():
+    """Fixed, single and fixed again: a single fix has fifty times the sigma of a fixed one."""
+    stream = NmeaStream(sigma=0.02)
+    rows = [row for k, q in enumerate((1, 4, 1, 4)) for row in stream.feed(gga(k, *PLACE, q))]
+    rows += stream.finish()
+    assert [round(float(row[4]), 6) for row in rows] == [0.02, 0.02, 1.0, 0.02]
 
 
 def test_the_second_is_given_as_soon_as_it_is_whole():

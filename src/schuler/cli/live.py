@@ -16,6 +16,7 @@ from schuler.cli.command import CONTRADICTED, Command, echo
 from schuler.cli.common import gravity_options, say_warnings, site_options, site_or_none
 from schuler.cli.completion import methods, prefilters, specs
 from schuler.cli.live_aids import (
+    MAX_GAP,
     aid_counts,
     feed_aids,
     live_aid_options,
@@ -78,7 +79,8 @@ _ENOUGH = 10_000
 )
 @click.option("--depth", type=Count(4, 4096), default=64, show_default=True,
               help="Samples held while one is missing.")  # fmt: skip
-@click.option("--max-gap", type=Seconds(above=0.0), default=5.0, help="Longest bridged gap.")
+@click.option("--max-gap", type=Seconds(above=0.0),
+              help="Longest bridged gap (5s; in motion 0.5s).")  # fmt: skip
 @click.option("--every", type=Seconds(above=0.0), default=1.0, help="Time between solutions.")
 @click.option("--idle", type=Seconds(above=0.0), help="End after so long without a sample.")
 @click.option("--checkpoint", type=OutputFile(), metavar="FILE",
@@ -133,6 +135,8 @@ def command(**options: Any) -> int:
     site = None if aids is not None else site_or_none(options)
     if site is None and aids is None:
         raise InputError("the latitude is needed to find north: say --lat (and --height)")
+    if options["max_gap"] is None:
+        options["max_gap"] = 5.0 if aids is None else MAX_GAP
     source, checkpoint, lines = options["source"], options["checkpoint"], options["json_to"]
     every, idle = options["every"], options["idle"]
     if options["cold_start"] and checkpoint is None:
@@ -313,7 +317,8 @@ def _line(session: LiveSession, fix: SpanFix, contradictions: list[str]) -> None
     """Print a solution as one line of JSON."""
     data = {
         **fix.alignment.to_dict(), "schema": "schuler.live/1", "counts": session.counts(),
-        "span": fix.span, "spans": session.spans, "contradictions": contradictions,
+        "span": fix.span, "spans": session.spans,
+        "contradictions": [*fix.alignment.contradictions, *contradictions],
         **aid_counts(session),
     }  # fmt: skip
     echo(json.dumps(data, allow_nan=False))
@@ -345,6 +350,8 @@ class _Screen(AbstractContextManager["_Screen"]):
         if fix is None:
             text.append("waiting for enough samples\n", style="dim")
         else:
+            if fix.contradictions:
+                text.append(f"INCONSISTENT: {'; '.join(fix.contradictions)}\n", style="bold red")
             self._way = [*self._way[-59:], fix.heading_deg]
             text.append(f"heading {fix.heading_deg:9.4f} deg ± {fix.sigma_arcmin[2]:.3g}'\n",
                         style="bold")  # fmt: skip

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from schuler.io.live_sources import Chunk, LiveSource
 
 __all__ = [
+    "MAX_GAP",
     "aid_counts",
     "feed_aids",
     "live_aid_options",
@@ -29,6 +30,9 @@ _KEYS = (
     "gnss_from", "gnss_baud", "imu_time", "leap_seconds", "arrival_error", "latency", "keep",
     "lever", "delay", "estimate", "gnss_sigma", "gnss_height", "vibration",
 )  # fmt: skip
+
+MAX_GAP = 0.5
+"""Longest gap that is bridged in motion, s: what a vehicle did in a longer one nobody knows."""
 
 _AT_REST = ("lat", "lon", "height", "gravity", "method", "prefilter")
 

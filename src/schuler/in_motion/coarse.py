@@ -24,6 +24,7 @@ from schuler.in_motion.earth_side import local_axes, spun
 from schuler.in_motion.rotation import LEAST_ROWS, Sums, robust_weights
 from schuler.in_motion.series import Series
 from schuler.sensors import ImuSpec
+from schuler.units import time_text
 
 __all__ = ["CoarseAlignment", "coarse", "missing"]
 
@@ -377,7 +378,7 @@ def _scaled(nuisance: Array) -> Array:
 def missing(found: CoarseAlignment, series: Series) -> str:
     """Return what a span lacks that shows no heading, in a sentence."""
     t = series.rows.time
-    span = f"the {t[-1] - t[0]:.4g} s from t = {t[0]:.6g} s"
+    span = f"the {t[-1] - t[0]:.4g} s from t = {time_text(t[0])} s"
     sigma = f" (1-sigma {found.heading_sigma / DEG:.0f} deg)"
     if series.form == "body velocity":
         return (

@@ -23,7 +23,7 @@ from schuler.io.gnss.text import read_velocity
 from schuler.io.named_table import read_named
 from schuler.io.odometer import ODOMETER_NAMES, ForwardSpeed, forward_speed
 
-__all__ = ["fix_heights", "fix_noise", "read_gnss", "read_speed"]
+__all__ = ["fix_heights", "fix_noise", "quality_scales", "read_gnss", "read_speed"]
 
 Array = NDArray[np.float64]
 Table = dict[str, Array]
@@ -43,7 +43,9 @@ _RTK, _ON_A_VEHICLE = 0.02, 2.0
 """What a receiver says of a position below so many metres is too small for a moving antenna."""
 
 _SCALE_BY_QUALITY = {1: 1.0, 2: 10.0, 4: 20.0, 5: 50.0}
-"""Sigma of a fix by RTKLIB's quality, relative to a fixed one, where the file has none."""
+"""Sigma of a fix by RTKLIB's quality, relative to a fixed one; `_OTHER` of another quality."""
+
+_OTHER = 50.0
 
 _LEVEL = (0.5, 0.2)
 """1-sigma of the vertical velocity where a file has none: m/s, and a share of the speed."""
@@ -83,7 +85,9 @@ def read_gnss(
     lever, delay, estimate, name
         As of `GnssFixes`.
     sigma, v_sigma : float, optional
-        1-sigma of position (m) and velocity (m/s) where the file has none; 3 and 0.1.
+        1-sigma of position (m) and velocity (m/s) where the file has none; 3 and 0.1. That of a
+        position is of the best quality in the file: others have more (float 10 times that of a
+        fixed one, differential 20, single 50 times).
     height : {"ellipsoid", "geoid", "stated"}, optional
         What the heights are above. A file that says it itself needs no word; one whose heights are
         above the geoid, and that has no separation of geoid and ellipsoid, is refused without one:
@@ -179,8 +183,14 @@ def fix_heights(table: FixTable, said: str | None) -> tuple[Array, str]:
     return height, said or above
 
 
+def quality_scales(quality: ArrayLike) -> Array:
+    """Return the sigma of fixes of a quality (RTKLIB's), relative to that of a fixed one."""
+    rows = np.nan_to_num(np.asarray(quality, np.float64))
+    return np.array([_SCALE_BY_QUALITY.get(int(q), _OTHER) for q in rows])
+
+
 def fix_noise(
-    table: FixTable, sigma: float | None, v_sigma: float | None
+    table: FixTable, sigma: float | None, v_sigma: float | None, best: float | None = None
 ) -> tuple[Array, Array | None, Array]:
     """Return 1-sigma of positions, velocities where there are, and their 1-sigma, (n, 3) each.
 
@@ -189,6 +199,8 @@ def fix_noise(
     table : FixTable
     sigma, v_sigma : float or None
         As in `read_gnss`.
+    best : float, optional
+        Of `quality_scales`, that of the fixes whose sigma is said; the best in the table.
     """
     c = table.columns
     count = len(c["t"])
@@ -199,7 +211,9 @@ def fix_noise(
     else:
         factor = np.ones(count)
         if quality is not None:
-            factor = np.array([_SCALE_BY_QUALITY.get(int(q), 50.0) for q in np.nan_to_num(quality)])
+            factor = quality_scales(quality)
+            least = float(np.min(factor, initial=_OTHER)) if best is None else best
+            factor = np.maximum(factor / least, 1.0)
         spread = np.repeat((3.0 if sigma is None else sigma) * factor[:, None], 3, axis=1)
     v_n = None
     v_spread: Any = np.full((count, 3), 0.1 if v_sigma is None else v_sigma)

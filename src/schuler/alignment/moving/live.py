@@ -106,7 +106,7 @@ class MovingLiveAligner(LiveAligner):
     largest_state = _LARGEST_STATE
 
     def __init__(
-        self, aids: LiveAids, kind: str = "increments", *, depth: int = 64, max_gap: float = 5.0
+        self, aids: LiveAids, kind: str = "increments", *, depth: int = 64, max_gap: float = 0.5
     ) -> None:
         self.moving = MovingStream(aids.stream_setting)
         self._aids = aids
@@ -164,7 +164,7 @@ class MovingLiveSession(LiveSession):
     """
 
     def __init__(
-        self, aids: LiveAids, kind: str = "increments", *, depth: int = 64, max_gap: float = 5.0,
+        self, aids: LiveAids, kind: str = "increments", *, depth: int = 64, max_gap: float = 0.5,
         key: bytes | None = None, only: str | None = None, checkpoint: str | Path | None = None,
         cold_start: bool = False,
     ) -> None:  # fmt: skip

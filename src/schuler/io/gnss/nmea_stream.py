@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from schuler.aiding.fix_rows import fix_row, is_possible
 from schuler.errors import InputError
-from schuler.io.aiding import fix_heights, fix_noise
+from schuler.io.aiding import fix_heights, fix_noise, quality_scales
 from schuler.io.gnss.nmea import SENTENCE, SLOW, need_pynmeagps, parsed, sound
 from schuler.io.gnss.table import FixTable
 
@@ -48,7 +48,8 @@ class NmeaStream:
     Parameters
     ----------
     sigma, v_sigma : float, optional
-        1-sigma of position (m) and velocity (m/s) where no sentence says it; 3 and 0.1.
+        1-sigma of position (m) and velocity (m/s) where no sentence says it; 3 and 0.1. That of a
+        position is of the best quality that came, as in `read_gnss`.
     height : {"ellipsoid", "geoid"}, optional
         What heights are above, where a sentence has no separation of geoid and ellipsoid.
 
@@ -76,6 +77,7 @@ class NmeaStream:
         self._before: set[bytes] = set()
         self._usual: set[bytes] = set()
         self._given = True
+        self._best = np.inf
 
     def feed(self, data: bytes) -> list[Array]:
         """Return the fixes that are whole with these bytes of a stream.
@@ -108,7 +110,7 @@ class NmeaStream:
                 sorted(kind.decode() for kind in kinds)
                 for kinds in (self._seen, self._before, self._usual)
             ],
-            "counts": dict(self.counts),
+            "counts": dict(self.counts), "best": None if np.isinf(self._best) else self._best,
         }  # fmt: skip
 
     def resume(self, said: Any) -> None:
@@ -125,6 +127,7 @@ class NmeaStream:
             counts = Counter({str(name): int(n) for name, n in said["counts"].items()})
             rest, given = str(said["rest"]).encode("latin-1"), bool(said["given"])
             self._seen, self._before, self._usual = kinds
+            self._best = np.inf if said["best"] is None else float(said["best"])
         except (KeyError, TypeError, ValueError, AttributeError):
             raise InputError("the saved state of a stream of fixes is damaged") from None
         self._now, self.counts, self._rest, self._given = now, counts, rest, given
@@ -198,7 +201,8 @@ class NmeaStream:
         except InputError:
             self.counts["no_height"] += 1
             return None
-        spread, v_n, v_spread = fix_noise(table, self._sigma, self._v_sigma)
+        self._best = min(self._best, float(quality_scales([now["quality"]])[0]))
+        spread, v_n, v_spread = fix_noise(table, self._sigma, self._v_sigma, self._best)
         place = [now["lat"], now["lon"], float(height[0])]
         row = fix_row(
             float(now["t"]), place, spread[0], None if v_n is None else v_n[0], v_spread[0],
