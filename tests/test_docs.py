@@ -366,6 +366,7 @@ def test_tests_that_a_page_names_are_there(page):
 @pytest.mark.slow
 def test_the_documentation_builds(tmp_path, root):
     pytest.importorskip("mkdocs")
+    pytest.importorskip("latex2mathml")
     pytest.importorskip("matplotlib")  # draws the pictures
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "-d", str(tmp_path / "site")],

@@ -144,3 +144,20 @@ def test_a_contradiction_comes_first_and_in_json(drive):
     assert process.returncode == 3, err.decode()
     last = lines_of(out)[-1]
     assert any("times their sigma" in text or "refused" in text for text in last["contradictions"])
+
+
+def test_the_page_says_what_became_of_the_fixes(drive):
+    from schuler.aiding.stream_clock import StreamClock
+    from schuler.alignment import LiveAids, MovingLiveSession, StreamSetting
+    from schuler.cli.live_aids import aid_counts
+    from schuler.reports.live_page import LivePage
+
+    _, record, gnss = drive
+    session = MovingLiveSession(LiveAids(StreamClock("utc"), StreamSetting("tactical-fog")))
+    for second, data in in_turn(frames(record, UTC_DAY)[:500], sentences(gnss, UTC_DAY)[:8]):
+        (session.feed_aid if second else session.feed)(data)
+    page = LivePage("-")
+    page.update(None, session.counts(), **aid_counts(session))
+    assert [8, "taken"] in page.state["fixes"]
+    said = [text for _, text in page.state["fixes"]]
+    assert "sentences with a wrong checksum" not in said
