@@ -11,6 +11,9 @@ import numpy as np
 
 __all__ = ["Timing", "row", "side_by_side"]
 
+_TICK = 1e-6
+"""Below it a processor time is none, s."""
+
 
 @dataclass(frozen=True)
 class Timing:
@@ -25,8 +28,11 @@ class Timing:
         return min(self.cpu)
 
     @property
-    def spread(self) -> float:
-        """How far the median is above the least, as a part of it."""
+    def spread(self) -> float | None:
+        """How far the median is above the least, as a part of it; None of less than a tick."""
+        # The times of other processes come in hundredths of a second.
+        if self.best < _TICK:
+            return None
         return float(np.median(self.cpu) / self.best - 1.0)
 
 
@@ -58,10 +64,12 @@ def row(
 ) -> dict[str, Any]:
     """Return a row of processor times for `run.py`, times a scale."""
     other = None if peer is None else scale * peer.best
+    each = [timing.spread for timing in (ours, peer) if timing is not None]
+    spreads = [spread for spread in each if spread is not None]
     return {
-        "what": what, "ours": scale * ours.best, "peer": other,
+        "what": what, "ours": scale * max(ours.best, 0.0), "peer": other,
         "ratio": None if peer is None else peer.best / ours.best, "unit": unit,
         "wall": scale * min(ours.wall),
         "peer_wall": None if peer is None else scale * min(peer.wall),
-        "spread": max(each.spread for each in (ours, peer) if each is not None),
+        "spread": max(spreads) if spreads else None,
     }  # fmt: skip
