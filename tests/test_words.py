@@ -24,6 +24,7 @@ REPLACED = {
     r"standing vehicle": "stationary vehicle",
     r"on the spot": "in place",
     r"nobody said": "not given",
+    r"(?:nobody|no one) knows?": "not known, not measured",
 }
 #: a vehicle's doors are slammed there
 DOORS = {

@@ -12,17 +12,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.aiding.gnss import GnssFixes
 
-__all__ = ["COLUMNS", "FixSetting", "fix_row", "is_possible", "rows_of"]
+__all__ = [
+    "COLUMNS", "PLACE", "QUALITY", "SIGMA", "TIME", "V_N", "V_SIGMA", "FixSetting", "fix_row",
+    "is_possible", "rows_of",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
+TIME, PLACE, SIGMA, V_N, V_SIGMA, QUALITY = (
+    0, slice(1, 4), slice(4, 7), slice(7, 10), slice(10, 13), 13
+)  # fmt: skip
+"""Columns: s; latitude and longitude (rad), height (m); m; m/s (east, north, up); m/s; as read."""
+
 COLUMNS = 14
-"""Time; latitude, longitude, height; their sigma; velocity; its sigma; quality."""
+"""How many these are."""
 
 _HIGHEST, _FASTEST = 1e5, 1e4
 """No vehicle is higher (m) or faster (m/s)."""
-
-_PLACE, _SIGMA, _V, _V_SIGMA, _QUALITY = slice(1, 4), slice(4, 7), slice(7, 10), slice(10, 13), 13
 
 
 @dataclass(frozen=True)
@@ -65,15 +71,15 @@ class FixSetting:
         InputError
             If fewer than two are left.
         """
-        has = np.all(np.isfinite(rows[:, _V]), axis=1)
+        has = np.all(np.isfinite(rows[:, V_N]), axis=1)
         v_n = v_sigma = None
         if 2 * np.sum(has) >= max(len(rows), 1):
             rows = rows[has]
-            v_n, v_sigma = rows[:, _V], rows[:, _V_SIGMA]
-        quality = rows[:, _QUALITY]
-        lat, lon, height = rows[:, _PLACE].T
+            v_n, v_sigma = rows[:, V_N], rows[:, V_SIGMA]
+        quality = rows[:, QUALITY]
+        lat, lon, height = rows[:, PLACE].T
         return GnssFixes(
-            rows[:, 0], lat, lon, height, rows[:, _SIGMA], v_n,
+            rows[:, TIME], lat, lon, height, rows[:, SIGMA], v_n,
             0.1 if v_sigma is None else v_sigma,
             quality if np.all(np.isfinite(quality)) else None, lever=self.lever, delay=self.delay,
             estimate=self.estimate, name=self.name, delay_sigma=self.delay_sigma,
@@ -86,9 +92,9 @@ def fix_row(
 ) -> Array:  # fmt: skip
     """Return one fix as a row (`COLUMNS`,)."""
     row = np.full(COLUMNS, np.nan)
-    row[0], row[_PLACE], row[_SIGMA], row[_QUALITY] = time, place, sigma, quality
+    row[TIME], row[PLACE], row[SIGMA], row[QUALITY] = time, place, sigma, quality
     if v_n is not None:
-        row[_V], row[_V_SIGMA] = v_n, v_sigma
+        row[V_N], row[V_SIGMA] = v_n, v_sigma
     return row
 
 
@@ -101,11 +107,12 @@ def is_possible(row: Array) -> bool:
     >>> is_possible(row)
     True
     """
-    lat, lon, height = (abs(float(x)) for x in row[_PLACE])
-    speed = row[_V]
+    lat, lon, height = (abs(float(x)) for x in row[PLACE])
+    speed = row[V_N]
+    known = np.r_[row[TIME], row[PLACE], row[SIGMA]]
     return bool(
-        np.all(np.isfinite(row[:7])) and lat <= 0.5 * np.pi and lon <= 2.0 * np.pi
-        and height <= _HIGHEST and np.all(row[_SIGMA] > 0.0)
+        np.all(np.isfinite(known)) and lat <= 0.5 * np.pi and lon <= 2.0 * np.pi
+        and height <= _HIGHEST and np.all(row[SIGMA] > 0.0)
         and (np.all(np.isnan(speed)) or float(np.abs(speed).max()) < _FASTEST)
     )  # fmt: skip
 
@@ -119,11 +126,11 @@ def rows_of(fixes: GnssFixes) -> Array:
     14
     """
     out = np.full((len(fixes), COLUMNS), np.nan)
-    out[:, 0] = fixes.time
-    out[:, _PLACE] = np.column_stack([fixes.lat, fixes.lon, fixes.height])
-    out[:, _SIGMA] = fixes.sigma
+    out[:, TIME] = fixes.time
+    out[:, PLACE] = np.column_stack([fixes.lat, fixes.lon, fixes.height])
+    out[:, SIGMA] = fixes.sigma
     if fixes.v_n is not None:
-        out[:, _V], out[:, _V_SIGMA] = fixes.v_n, fixes.v_sigma
+        out[:, V_N], out[:, V_SIGMA] = fixes.v_n, fixes.v_sigma
     if fixes.quality is not None:
-        out[:, _QUALITY] = fixes.quality
+        out[:, QUALITY] = fixes.quality
     return out

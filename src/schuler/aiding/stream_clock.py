@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.aiding.fix_rows import SIGMA, TIME, V_N, V_SIGMA
 from schuler.errors import InputError
 
 __all__ = ["STREAM_CLOCKS", "StreamClock"]
@@ -99,11 +100,11 @@ class StreamClock:
         before : (14,) float64 or None
             The fix before.
         """
-        if self.error is None or not np.all(np.isfinite(row[7:10])):
+        if self.error is None or not np.all(np.isfinite(row[V_N])):
             return row
         out = row.copy()
-        out[4:7] = np.hypot(row[4:7], self.error * np.abs(row[7:10]))
-        if before is not None and np.all(np.isfinite(before[7:10])) and row[0] > before[0]:
-            rate = (row[7:10] - before[7:10]) / (row[0] - before[0])
-            out[10:13] = np.hypot(row[10:13], self.error * np.abs(rate))
+        out[SIGMA] = np.hypot(row[SIGMA], self.error * np.abs(row[V_N]))
+        if before is not None and np.all(np.isfinite(before[V_N])) and row[TIME] > before[TIME]:
+            rate = (row[V_N] - before[V_N]) / (row[TIME] - before[TIME])
+            out[V_SIGMA] = np.hypot(row[V_SIGMA], self.error * np.abs(rate))
         return out

@@ -32,7 +32,7 @@ _KEYS = (
 )  # fmt: skip
 
 MAX_GAP = 0.5
-"""Longest gap that is bridged in motion, s: what a vehicle did in a longer one nobody knows."""
+"""Longest gap that is bridged in motion, s: the motion in a longer one is not measured."""
 
 _AT_REST = ("lat", "lon", "height", "gravity", "method", "prefilter")
 

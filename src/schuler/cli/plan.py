@@ -136,6 +136,7 @@ def centrifuge(**options: Any) -> None:
     reached: dict[int, float] = {}
 
     def progress(count: int, seconds: float, best: float, spent: int) -> None:
+        """Show the best so far of a number of positions, after a time (s)."""
         reached[count] = best
         text = (
             f"{count} positions, {seconds:6.1f} s: best {options['objective']} so far {best:.6g} "

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.aiding.fix_rows import COLUMNS, rows_of
+from schuler.aiding.fix_rows import COLUMNS, TIME, rows_of
 from schuler.errors import InputError
 from schuler.io.aiding import read_gnss
 from schuler.io.spool import GZIP
@@ -87,7 +87,7 @@ class GrowingFixes:
                 self.trouble = str(error).replace(str(whole), str(self.path))
                 return none
         self.trouble = None
-        new = rows[rows[:, 0] > self._last]
+        new = rows[rows[:, TIME] > self._last]
         if len(new):
             self._last = float(new[-1, 0])
         return new

@@ -86,6 +86,7 @@ def in_threads(first: LiveSource, second: LiveSource | None = None) -> LiveSourc
     over = Event()
 
     def read(source: LiveSource, is_second: bool) -> None:
+        """Put the chunks of a source into the queue, with the time of their arrival."""
         try:
             for chunk in source.chunks:
                 if over.is_set():
@@ -102,6 +103,7 @@ def in_threads(first: LiveSource, second: LiveSource | None = None) -> LiveSourc
     ]
 
     def chunks() -> Iterator[Chunk]:
+        """Yield the chunks of both as they come."""
         for thread in threads:
             thread.start()
         while True:
@@ -115,6 +117,7 @@ def in_threads(first: LiveSource, second: LiveSource | None = None) -> LiveSourc
             yield chunk
 
     def close() -> None:
+        """End the threads, then release the sources."""
         over.set()
         for thread in threads:
             # A reader looks up after a step, unless it waits for a queue that is full.

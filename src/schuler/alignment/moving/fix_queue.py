@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.aiding.fix_rows import COLUMNS, is_possible
+from schuler.aiding.fix_rows import COLUMNS, TIME, is_possible
 from schuler.constants import STAMP_ROUNDING
 from schuler.errors import InputError
 
@@ -69,11 +69,11 @@ class FixQueue:
 
     def _taken(self, row: Array, after: float) -> str:
         """Take a fix; return what became of it."""
-        if row[0] <= after + STAMP_ROUNDING:
+        if row[TIME] <= after + STAMP_ROUNDING:
             return "late_fixes"
-        k = int(np.searchsorted(self.rows[:, 0], row[0]))
-        near = self.rows[max(k - 1, 0) : k + 1, 0]
-        if np.any(np.abs(near - row[0]) < STAMP_ROUNDING):
+        k = int(np.searchsorted(self.rows[:, TIME], row[TIME]))
+        near = self.rows[max(k - 1, 0) : k + 1, TIME]
+        if np.any(np.abs(near - row[TIME]) < STAMP_ROUNDING):
             return "repeated_fixes"
         if len(self.rows) >= _MOST_FIXES:
             return "surplus_fixes"
@@ -82,7 +82,7 @@ class FixQueue:
 
     def due(self, stamp: float) -> int:
         """Return how many have stamps up to one."""
-        return int(np.searchsorted(self.rows[:, 0], stamp + STAMP_ROUNDING, side="right"))
+        return int(np.searchsorted(self.rows[:, TIME], stamp + STAMP_ROUNDING, side="right"))
 
     def around(self, begin: float, end: float) -> Array:
         """Return those with stamps after one and up to another, and some before them; or none."""

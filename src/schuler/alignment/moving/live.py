@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler._version import __version__
-from schuler.aiding.fix_rows import COLUMNS
+from schuler.aiding.fix_rows import COLUMNS, PLACE, SIGMA, TIME, V_N, V_SIGMA
 from schuler.aiding.stream_clock import StreamClock
 from schuler.alignment.live import LiveAligner
 from schuler.alignment.live_layout import check_packets
@@ -215,12 +215,12 @@ class MovingLiveSession(LiveSession):
         aligner = MovingStream(StreamSetting("tactical-fog", keep=60.0))
         time = step * np.arange(1.0, 1001.0)
         rows = np.full((21, COLUMNS), np.nan)
-        rows[:, 0] = np.arange(21.0)
-        angle = turn * rows[:, 0]
-        rows[:, 1] = speed / turn * np.sin(angle) / radius
-        rows[:, 2] = speed / turn * (1.0 - np.cos(angle)) / radius
-        rows[:, 3], rows[:, 4:7], rows[:, 10:13] = 0.0, 3.0, 0.1
-        rows[:, 7:10] = speed * np.column_stack([np.sin(angle), np.cos(angle), 0.0 * angle])
+        rows[:, TIME] = np.arange(21.0)
+        angle = turn * rows[:, TIME]
+        north, east = np.sin(angle), 1.0 - np.cos(angle)
+        rows[:, PLACE] = np.column_stack([north, east, 0.0 * angle]) * speed / turn / radius
+        rows[:, SIGMA], rows[:, V_SIGMA] = 3.0, 0.1
+        rows[:, V_N] = speed * np.column_stack([np.sin(angle), np.cos(angle), 0.0 * angle])
         rates = np.tile([0.0, 0.0, -turn], (len(time), 1))
         force = np.tile([turn * speed, 0.0, 9.78], (len(time), 1))
         intake = Intake("mean-rates", name="warm-up")
@@ -304,7 +304,7 @@ class MovingLiveSession(LiveSession):
                 )
                 return
             near = self._seen[0] + now - self._seen[1]
-        time = clock.on_record(float(row[0]), near)
+        time = clock.on_record(float(row[TIME]), near)
         ahead = time - newest
         if ahead < -_OFF or ahead > (_AHEAD if self._real_time else _FAR_AHEAD):
             self._leave(
@@ -315,7 +315,7 @@ class MovingLiveSession(LiveSession):
             )
             return
         row = row.copy()
-        row[0] = time
+        row[TIME] = time
         row, self._last_row = clock.widened(row, self._last_row), row
         if self._moving.moving.add(row[None]):
             self._leave(
@@ -373,7 +373,7 @@ class MovingLiveSession(LiveSession):
             self._samples(rest, None, now)
         for row in self._nmea.finish():
             if self._aids.clock.kind != "arrival":
-                # When it came, nobody knows any more.
+                # Its time of arrival is not known.
                 self._take_row(row, None)
         return super().finish(now)
 

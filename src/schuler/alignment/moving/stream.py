@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from schuler._blas import with_one_blas_thread
 from schuler.aiding import GnssFixes
-from schuler.aiding.fix_rows import COLUMNS
+from schuler.aiding.fix_rows import COLUMNS, TIME
 from schuler.alignment.moving.align import instrument_of, prepare
 from schuler.alignment.moving.fine import KNOWN
 from schuler.alignment.moving.fix_queue import COUNTS, FixQueue
@@ -77,7 +77,7 @@ class MovingStream:
 
     Examples
     --------
-    >>> from schuler.aiding.fix_rows import rows_of
+    >>> from schuler.aiding.fix_rows import TIME, rows_of
     >>> stream = MovingStream(StreamSetting(spec))
     >>> stream.add(rows_of(gnss))
     0
@@ -207,7 +207,7 @@ class MovingStream:
             self._follow(self._pass, chunk, begin)
 
     def _follow(self, sums: BodyPass, chunk: ImuRecord, begin: float) -> None:
-        due = self._queue.rows[:, 0] - self.setting.antenna.delay
+        due = self._queue.rows[:, TIME] - self.setting.antenna.delay
         sums.add_due(due[(due > begin) & (due <= chunk.end + STAMP_ROUNDING)])
         sums.update(chunk)
 
@@ -315,7 +315,7 @@ class MovingStream:
         begin = self._kept[0].start + _FORGET * span
         self._kept = [copied(whole.between(begin, None))]
         start = self._kept[0].start
-        valid = self._queue.rows[:, 0] - self.setting.antenna.delay
+        valid = self._queue.rows[:, TIME] - self.setting.antenna.delay
         self._queue.rows = self._queue.rows[valid >= start - STAMP_ROUNDING]
         self._pass = BodyPass()
         self._follow(self._pass, self._kept[0], start - STAMP_ROUNDING)
