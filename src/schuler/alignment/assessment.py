@@ -162,7 +162,8 @@ def assess(
             f"does: sigma holds {_STUDENT * result.least_bias / DEG_PER_HOUR:.2g} deg/h, as two "
             "numbers show the size of a bias no better"
         )
-    if spec is not None and shown is not None:
+    if spec is not None and shown is not None and not found.positions:
+        # Several positions show the biases, and their heading rests on more than the mean rate.
         found = _with_seen_rate(found, shown.north / (EARTH_RATE * np.cos(site.latitude)))
     if any(each.kind == "axes" for each in result.contradictions):
         found = _without_heading(found)
