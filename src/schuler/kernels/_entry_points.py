@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import json
 import re
+from collections.abc import Container
 from typing import Any
 
 import numpy as np
@@ -44,7 +45,9 @@ def _numba_type(word: str) -> Any:
     return types.Array(scalar, int(dimensions[0]), "A" if dimensions.endswith("A") else "C")
 
 
-def compile_entry(dispatcher: Any, words: tuple[str, ...], name: str) -> tuple[bytes, bytes] | None:
+def compile_entry(
+    dispatcher: Any, words: tuple[str, ...], name: str, names: Container[str]
+) -> tuple[bytes, bytes] | None:
     """Compile a kernel for types of arguments; return its description and its object code.
 
     None stands for a kernel that needs more of Numba than its code: one that allocates, raises
@@ -58,14 +61,19 @@ def compile_entry(dispatcher: Any, words: tuple[str, ...], name: str) -> tuple[b
         As `describe` gives them.
     name : str
         Of the entry point, the only one of this name in a process.
+    names : container of str
+        Of kernels and helpers (`schuler.kernels._without_engine`).
     """
     import llvmlite.binding as llvm
+
+    from schuler.kernels._without_engine import without_engine
 
     given = numba_types(words)
     collecting = gc.isenabled()
     gc.disable()  # a tenth of the time goes into looking for what is not there
     try:
-        dispatcher.compile(given)
+        with without_engine(names):
+            dispatcher.compile(given)
     finally:
         if collecting:
             gc.enable()

@@ -30,6 +30,9 @@ Way = Callable[..., Any]
 
 _lock = RLock()
 
+_names: set[str] = set()
+"""Qualified names of kernels and helpers."""
+
 _FUSE = frozenset({"contract"})
 """Let a product and a sum be rounded once; no other liberty is taken with the arithmetic."""
 
@@ -76,6 +79,7 @@ class _Compiled:
         self.__name__, self.__qualname__ = function.__name__, function.__qualname__
         self.__module__, self.__doc__ = function.__module__, function.__doc__
         self.__wrapped__ = function
+        _names.add(function.__qualname__)
         self._options = options
         self._dispatcher: Any = None
         self._wrapped: Any = None
@@ -206,7 +210,7 @@ class _Kernel(_Compiled):
             from schuler.kernels._entry_points import compile_entry
 
             name = "schuler_" + re.sub(r"\W", "_", Path(file).stem)
-            kept = compile_entry(self.dispatcher, words, name) or (b"", b"")
+            kept = compile_entry(self.dispatcher, words, name, _names) or (b"", b"")
             write_code(file, *kept)
         if not kept[1]:
             self._by_numba = True
