@@ -33,9 +33,11 @@ $(BIN)/python:
 	  echo "'$(PYTHON) -m venv' failed: on Debian and Ubuntu, install the package python3-venv"; \
 	  exit 1; }
 
-# One stamp for each set of extras: made again when pyproject.toml changes.
+# One stamp for each set of extras: made again when pyproject.toml changes. Several processes compile
+# what the first command would compile in one.
 $(VENV)/.with-%: pyproject.toml | $(BIN)/python
 	$(PIP) install -e '.[$*]'
+	$(BIN)/python -m schuler.kernels.ahead --first
 	@touch $@
 
 # Several processes compile what each of pytest's would compile for itself.
@@ -96,11 +98,8 @@ picture: $(VENV)/.with-dev
 	$(BIN)/python docs/make_picture.py
 
 # With the kernels compiled for any x86-64 processor with AVX2, so that nobody's first command has to.
-wheel: $(VENV)/.with-dev
-	rm -rf src/schuler/kernels/compiled
-	$(BIN)/python -m schuler.kernels.ahead --to src/schuler/kernels/compiled
-	$(PIP) wheel --no-deps --wheel-dir dist .
-	rm -rf src/schuler/kernels/compiled
+wheel: | $(BIN)/python
+	$(PIP) wheel --no-deps --config-settings=compile=all --wheel-dir dist .
 
 clean:
 	rm -rf src/schuler/kernels/compiled $(VENV) .venv-lowest build dist site out .pytest_cache .hypothesis .mypy_cache .ruff_cache \

@@ -22,6 +22,13 @@ def test_the_list_names_kernels_and_as_many_types_as_they_have_arguments():
         assert len(words) == count, place
 
 
+def test_the_first_commands_take_a_part_of_the_list_which_keeps_its_order():
+    found = signatures()
+    first = signatures(first=True)
+    assert 20 < len(first) < len(found)
+    assert [each for each in found if each in first] == first
+
+
 @pytest.mark.compiled
 @pytest.mark.skipif(not machine_code.available(), reason="kernels are called through Numba")
 def test_code_that_was_compiled_ahead_is_taken_if_it_is_of_these_sources(tmp_path, monkeypatch):
