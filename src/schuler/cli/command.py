@@ -17,9 +17,10 @@ import click
 
 from schuler._files import check_target, is_special
 from schuler.cli.parameters import InputFile, OutputFile
-from schuler.cli.progress import quiet_option
+from schuler.cli.progress import quiet_option, watched
 from schuler.cli.provenance import again_option, options_again, provenance
 from schuler.errors import InputError, printable
+from schuler.kernels import first_need
 
 __all__ = [
     "CONTRADICTED", "REPEATED", "Command", "Group", "add_input", "add_output", "debug_option",
@@ -137,6 +138,12 @@ def add_output(label: str, path: str | os.PathLike[str]) -> None:
     _files().add_output(label, str(path))
 
 
+def _note(text: str) -> None:
+    """Tell a person who watches what takes its time."""
+    if watched():
+        echo(f"note: {text}", err=True)
+
+
 def made_by() -> dict[str, Any]:
     """Return where the running command's result is from; see `schuler.cli.provenance`."""
     return provenance(_files().inputs)
@@ -205,6 +212,7 @@ class Command(click.Command):
                     files.add_input(f"{label} (its mapping)", f"{path}.toml")
         for label, path, _ in self._named(ctx, OutputFile):
             files.add_output(label, path)
+        first_need.tell(ctx.info_name, _note)
         log = getLogger("schuler.cli")
         log.info("%s: reads %s", ctx.command_path, [path for _, path in files.inputs])
         try:

@@ -24,6 +24,7 @@ from schuler.kernels._machine_code import processor, runs_generic_code
 __all__ = [
     "AHEAD",
     "CACHE_FOLDER",
+    "has_code",
     "in_words",
     "read_code",
     "read_whole",
@@ -136,13 +137,26 @@ def _compiled_ahead() -> bool:
     return same and runs_generic_code()
 
 
+def _folder_of(name: str) -> Path | None:
+    """Return the folder where a kernel is, or would be kept."""
+    if _compiled_ahead() and (AHEAD / name).is_file():
+        return AHEAD
+    return None if CACHE_FOLDER is None else Path(CACHE_FOLDER)
+
+
+def has_code(name: str) -> bool:
+    """Say whether a kernel is in a folder."""
+    folder = _folder_of(name)
+    return folder is not None and (folder / name).is_file()
+
+
 def read_code(name: str) -> tuple[bytes, bytes] | None:
     """Return a kernel's description and its machine code, or None where it must be compiled."""
-    folder = AHEAD if _compiled_ahead() and (AHEAD / name).is_file() else CACHE_FOLDER
+    folder = _folder_of(name)
     if folder is None:
         return None
     try:
-        data = read_whole(Path(folder) / name)
+        data = read_whole(folder / name)
     except OSError as error:
         say_once("read", f"cannot be read ({in_words(error)}); kernels are compiled again")
         return None

@@ -24,6 +24,7 @@ import numpy as np
 
 from schuler.kernels import _machine_code as machine_code
 from schuler.kernels._cache import read_code, write_code
+from schuler.kernels.first_need import compile_together
 
 F = TypeVar("F", bound=Callable[..., Any])
 Way = Callable[..., Any]
@@ -174,7 +175,7 @@ class _Kernel(_Compiled):
             return self.wrapped(*args)
         with _lock:
             if words not in self._codes:
-                self._codes[words] = self._code(words)
+                self._codes[words] = self._code(words, together=True)
         code = self._codes[words]
         if code is None:
             return self.wrapped(*args)
@@ -202,10 +203,22 @@ class _Kernel(_Compiled):
             self._by_numba = not machine_code.available() or _makes_arrays(self.py_func)
         return self._by_numba
 
-    def _code(self, words: tuple[str, ...]) -> Way | None:
-        """Return machine code from the folder, or compile it and put it there."""
-        file = file_of(f"{self.__module__.rpartition('.')[2]}.{self.__name__}", words)
+    def _code(self, words: tuple[str, ...], together: bool = False) -> Way | None:
+        """Return machine code from the folder, or compile it and put it there.
+
+        Parameters
+        ----------
+        words : tuple of str
+            Types of the arguments.
+        together : bool
+            With what else is going to be called (`schuler.kernels.first_need`).
+        """
+        place = f"{self.__module__.rpartition('.')[2]}.{self.__name__}"
+        file = file_of(place, words)
         kept = read_code(file)
+        if kept is None and together:
+            compile_together(place, words)
+            kept = read_code(file)
         if kept is None:
             from schuler.kernels._entry_points import compile_entry
 

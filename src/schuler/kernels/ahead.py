@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -22,15 +23,37 @@ from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 from schuler.kernels._machine_code import GENERIC
 
-__all__ = ["compile_ahead", "signatures"]
+__all__ = ["Entry", "compile_ahead", "compile_one", "entries", "processors", "signatures"]
 
 Signature = tuple[str, tuple[str, ...]]
 
+
+class Entry(NamedTuple):
+    """A line of the list: a kernel, its cost, and the commands that call it in their plain form."""
+
+    seconds: float
+    signature: Signature
+    commands: frozenset[str]
+
+
 _MOST = 8
 """Processes: the costliest kernel takes a third of the time of all."""
+
+
+def entries() -> list[Entry]:
+    """Return the list, the costliest kernel first."""
+    text = Path(__file__).with_name("signatures.txt").read_text(encoding="utf-8")
+    found = []
+    for line in text.splitlines():
+        if line and not line.startswith("#"):
+            called, _, commands = line.partition("|")
+            seconds, place, *words = called.split()
+            found.append(Entry(float(seconds), (place, tuple(words)), frozenset(commands.split())))
+    return sorted(found, key=lambda entry: -entry.seconds)
 
 
 def signatures(first: bool = False) -> list[Signature]:
@@ -41,17 +64,11 @@ def signatures(first: bool = False) -> list[Signature]:
     first : bool
         Only those that a command calls in its plain form.
     """
-    text = Path(__file__).with_name("signatures.txt").read_text(encoding="utf-8")
-    lines = []
-    for line in text.splitlines():
-        called, _, commands = line.partition("|")
-        if called and not called.startswith("#") and (commands.strip() or not first):
-            lines.append(called.split())
-    lines.sort(key=lambda words: -float(words[0]))
-    return [(words[1], tuple(words[2:])) for words in lines]
+    return [entry.signature for entry in entries() if entry.commands or not first]
 
 
-def _compile(signature: Signature) -> str:
+def compile_one(signature: Signature) -> str:
+    """Compile a kernel, unless it is in the folder; return its module and name."""
     place, words = signature
     module, _, name = place.rpartition(".")
     getattr(import_module(f"schuler.kernels.{module}"), name).compile_for(words)
@@ -68,21 +85,17 @@ def compile_ahead(processes: int, first: bool = False) -> int:
     first : bool
         See `signatures`.
     """
-    from schuler.kernels._cache import CACHE_FOLDER
+    from schuler.kernels._cache import CACHE_FOLDER, has_code
     from schuler.kernels._jit import file_of
 
     if CACHE_FOLDER is None:
         return 0
-    left = [
-        (place, words)
-        for place, words in signatures(first)
-        if not (Path(CACHE_FOLDER) / file_of(place, words)).is_file()
-    ]
+    left = [each for each in signatures(first) if not has_code(file_of(*each))]
     if not left:
         return 0
     begin = time.monotonic()
     with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
-        for k, place in enumerate(pool.map(_compile, left), 1):
+        for k, place in enumerate(pool.map(compile_one, left), 1):
             if sys.stderr.isatty():
                 sys.stderr.write(f"\r\x1b[Kcompiling kernels: {k} of {len(left)} ({place})")
     if sys.stderr.isatty():
@@ -91,7 +104,7 @@ def compile_ahead(processes: int, first: bool = False) -> int:
     return len(left)
 
 
-def _processors() -> int:
+def processors() -> int:
     """Return how many processors this process may use, `_MOST` at most."""
     if hasattr(os, "sched_getaffinity"):
         return min(len(os.sched_getaffinity(0)), _MOST)
@@ -101,11 +114,14 @@ def _processors() -> int:
 def main() -> None:
     """Compile ahead, as the options say."""
     parser = argparse.ArgumentParser(prog="python -m schuler.kernels.ahead", description=__doc__)
-    parser.add_argument("--processes", type=int, default=_processors())
+    parser.add_argument("--processes", type=int, default=processors())
     parser.add_argument("--first", action="store_true", help="what the first commands call")
     parser.add_argument("--to", type=Path, help="a folder for a wheel; any processor with AVX2")
+    parser.add_argument("--serve", action="store_true", help="what standard input names")
     options = parser.parse_args()
-    if options.to is None:
+    if options.serve:
+        _serve()
+    elif options.to is None:
         compile_ahead(options.processes, options.first)
     elif os.environ.get("NUMBA_CPU_NAME") == GENERIC:
         compile_ahead(options.processes, options.first)
@@ -117,6 +133,16 @@ def main() -> None:
                     "SCHULER_CACHE_DIR": folder}  # fmt: skip
             again = [sys.executable, "-m", "schuler.kernels.ahead", *sys.argv[1:]]
             sys.exit(subprocess.run(again, env={**os.environ, **told}, check=False).returncode)
+
+
+def _serve() -> None:
+    """Compile one kernel for each line of standard input, and answer with its name."""
+    # The process that asked ends this one; Ctrl-C is for it.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for line in sys.stdin:
+        place, *words = line.split()
+        sys.stdout.write(compile_one((place, tuple(words))) + "\n")
+        sys.stdout.flush()
 
 
 def _collect(folder: Path) -> None:
