@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
+from html import escape
 from itertools import pairwise
 from typing import Any
-from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -110,4 +110,4 @@ def kml_text(trajectory: Trajectory) -> str:
             "<LineString><tessellate>1</tessellate><altitudeMode>clampToGround</altitudeMode>"
             f"<coordinates>\n{points}\n</coordinates></LineString>\n"
         )
-    return _KML.format(name=escape(trajectory.name), text=_TEXT, lines="".join(lines))
+    return _KML.format(name=escape(trajectory.name, quote=False), text=_TEXT, lines="".join(lines))
