@@ -23,7 +23,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from schuler.kernels import _machine_code as machine_code
-from schuler.kernels._cache import read_code, write_code
+from schuler.kernels._cache import has_code, read_code, write_code
 from schuler.kernels.first_need import compile_together
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -156,6 +156,7 @@ class _Kernel(_Compiled):
         self._ways: dict[tuple[type, ...], list[Way]] = {}
         self._codes: dict[tuple[str, ...], Way | None] = {}
         self._by_numba: bool | None = None
+        self._called = False
 
     def __call__(self, *args: Any, **named: Any) -> Any:
         if named or len(args) != self._count:
@@ -170,7 +171,11 @@ class _Kernel(_Compiled):
 
     def _call_first(self, args: tuple[Any, ...]) -> Any:
         """Call a kernel for arguments that no way so far takes; keep the way that does."""
-        words = None if self._through_numba() else machine_code.describe(args)
+        if self._through_numba():
+            if not self._called:
+                self._prepare_numba(args)
+            return self.wrapped(*args)
+        words = machine_code.describe(args)
         if words is None:
             return self.wrapped(*args)
         with _lock:
@@ -194,9 +199,21 @@ class _Kernel(_Compiled):
 
             self.wrapped.compile(numba_types(words))
             # Says that Numba has it.
-            write_code(file_of(f"{self.__module__.rpartition('.')[2]}.{self.__name__}", words))
+            write_code(file_of(self._place, words))
         else:
             self._code(words)
+
+    @property
+    def _place(self) -> str:
+        return f"{self.__module__.rpartition('.')[2]}.{self.__name__}"
+
+    def _prepare_numba(self, args: tuple[Any, ...]) -> None:
+        """Let Numba compile what is going to be called beside a kernel, before its first call."""
+        self._called = True
+        words = None if machine_code.available() else machine_code.describe(args)
+        if words is not None and not has_code(file_of(self._place, words)):
+            with _lock:
+                compile_together(self._place, words)
 
     def _through_numba(self) -> bool:
         if self._by_numba is None:
@@ -213,11 +230,10 @@ class _Kernel(_Compiled):
         together : bool
             With what else is going to be called (`schuler.kernels.first_need`).
         """
-        place = f"{self.__module__.rpartition('.')[2]}.{self.__name__}"
-        file = file_of(place, words)
+        file = file_of(self._place, words)
         kept = read_code(file)
         if kept is None and together:
-            compile_together(place, words)
+            compile_together(self._place, words)
             kept = read_code(file)
         if kept is None:
             from schuler.kernels._entry_points import compile_entry

@@ -59,10 +59,11 @@ def compile_together(place: str, words: tuple[str, ...]) -> None:
     words : tuple of str
         Types of its arguments.
     """
+    from schuler.kernels._cache import CACHE_FOLDER
     from schuler.kernels.ahead import processors
 
     others = processors() - 1
-    if others < 1 or _is_worker():
+    if CACHE_FOLDER is None or others < 1 or _is_worker():
         return
     missing = _missing(place, words)
     if sum(seconds for seconds, _ in missing) < ENOUGH:
@@ -87,25 +88,17 @@ def _missing(place: str, words: tuple[str, ...]) -> list[tuple[float, Signature]
     from schuler.kernels._jit import file_of
     from schuler.kernels.ahead import entries
 
-    asked = place, words
-    by_command: dict[str, list[tuple[float, Signature]]] = {}
-    for entry in entries():
-        if not has_code(file_of(*entry.signature)):
-            for command in entry.commands:
-                by_command.setdefault(command, []).append((entry.seconds, entry.signature))
-    fitting = {
-        command: missing
-        for command, missing in by_command.items()
-        if any(signature == asked for _, signature in missing)
-    }
-    if _command in fitting:
-        return fitting[_command]
-    own = max(
-        (s for missing in fitting.values() for s, each in missing if each == asked), default=0
-    )
-    if own < COSTLY:
+    listed = entries()
+    own = next((entry for entry in listed if entry.signature == (place, words)), None)
+    if own is None or not (_command in own.commands or own.seconds >= COSTLY):
         return []
-    return min(fitting.values(), key=lambda missing: sum(s for s, _ in missing))
+    ways = [_command] if _command in own.commands else sorted(own.commands)
+    there = {e.signature: has_code(file_of(*e.signature)) for e in listed if e.commands}
+    missing = [
+        [(e.seconds, e.signature) for e in listed if way in e.commands and not there[e.signature]]
+        for way in ways
+    ]
+    return min(missing, key=lambda each: sum(seconds for seconds, _ in each), default=[])
 
 
 def _share(todo: list[Signature], others: int) -> None:
