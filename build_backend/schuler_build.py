@@ -1,8 +1,8 @@
 """Hatchling, and before it builds a wheel, kernels compiled into it.
 
 Whoever installs schuler from its source (``pip install .``, ``uvx --from .``, an sdist) waits once
-for the kernels that the first commands call, in the place of the first command. The code is for any
-x86-64 processor with AVX2; elsewhere, and of other sources, it is not taken, and kernels are
+for the kernels that demo, info and align call, in the place of the first command. The code is for
+any x86-64 processor with AVX2; elsewhere, and of other sources, it is not taken, and kernels are
 compiled when they are needed.
 
 ``pip wheel --config-settings=compile=all .`` compiles every kernel, ``compile=none`` none. An
