@@ -12,7 +12,10 @@ from numba.extending import intrinsic, lower_builtin, models, register_model
 
 from schuler.kernels.lanes import LANES
 
-__all__ = ["first_lanes", "load4", "load_row4", "splat4", "store4", "store_row4"]
+__all__ = [
+    "abs4", "any_greater4", "first_lanes", "larger4", "load4", "load_row4", "smaller4", "splat4",
+    "store4", "store_row4", "where_greater4",
+]  # fmt: skip
 
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 _INT = ir.IntType(32)
@@ -150,3 +153,56 @@ def first_lanes(typing: Any, count: Any, a: Any, b: Any) -> Any:
         return builder.select(below, args[1], args[2])
 
     return lanes(types.intp, lanes, lanes), code
+
+
+@intrinsic
+def abs4(typing: Any, a: Any) -> Any:
+    """Clear the signs."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        kind = ir.FunctionType(_VECTOR, [_VECTOR])
+        name = f"llvm.fabs.v{LANES}f64"
+        return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), args)
+
+    return lanes(lanes), code
+
+
+def _chosen(op: str) -> Any:
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.select(builder.fcmp_ordered(op, args[0], args[1]), args[0], args[1])
+
+    return lanes(lanes, lanes), code
+
+
+@intrinsic
+def larger4(typing: Any, a: Any, b: Any) -> Any:
+    """Compare and choose."""
+    return _chosen(">")
+
+
+@intrinsic
+def smaller4(typing: Any, a: Any, b: Any) -> Any:
+    """Compare and choose."""
+    return _chosen("<")
+
+
+@intrinsic
+def where_greater4(typing: Any, a: Any, b: Any, x: Any, y: Any) -> Any:
+    """Compare two, choose of two others."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.select(builder.fcmp_ordered(">", args[0], args[1]), args[2], args[3])
+
+    return lanes(lanes, lanes, lanes, lanes), code
+
+
+@intrinsic
+def any_greater4(typing: Any, a: Any, b: Any) -> Any:
+    """Compare, and look at all answers at once."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        each = builder.fcmp_ordered(">", args[0], args[1])
+        bits = builder.bitcast(each, ir.IntType(LANES))
+        return builder.icmp_unsigned("!=", bits, ir.Constant(ir.IntType(LANES), 0))
+
+    return types.boolean(lanes, lanes), code

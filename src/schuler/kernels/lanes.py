@@ -16,7 +16,10 @@ import numpy as np
 
 from schuler.kernels._jit import _UNCOMPILED, _Compiled
 
-__all__ = ["LANES", "first_lanes", "load4", "load_row4", "splat4", "store4", "store_row4"]
+__all__ = [
+    "LANES", "abs4", "any_greater4", "first_lanes", "larger4", "load4", "load_row4", "smaller4",
+    "splat4", "store4", "store_row4", "where_greater4",
+]  # fmt: skip
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -81,3 +84,33 @@ def splat4(x: float) -> Any:
 def first_lanes(count: int, a: Any, b: Any) -> Any:
     """Return the first `count` of the numbers of a, and the others of b."""
     return np.where(count > _NUMBERS, a, b)
+
+
+@_instruction
+def abs4(a: Any) -> Any:
+    """Return the numbers without their signs."""
+    return np.abs(a)
+
+
+@_instruction
+def larger4(a: Any, b: Any) -> Any:
+    """Return the larger number of each lane."""
+    return np.where(a > b, a, b)
+
+
+@_instruction
+def smaller4(a: Any, b: Any) -> Any:
+    """Return the smaller number of each lane."""
+    return np.where(a < b, a, b)
+
+
+@_instruction
+def where_greater4(a: Any, b: Any, x: Any, y: Any) -> Any:
+    """Return the numbers of x where those of a are greater than those of b, else those of y."""
+    return np.where(a > b, x, y)
+
+
+@_instruction
+def any_greater4(a: Any, b: Any) -> bool:
+    """Say whether a number of a is greater than that of b in its lane."""
+    return bool(np.any(a > b))
