@@ -13,8 +13,16 @@ from schuler.constants import ARCMIN, ARCSEC, DEG, STANDARD_GRAVITY
 from schuler.errors import InputError, near
 
 __all__ = [
-    "UNITS", "convert", "dimension_of", "known_unit", "parse", "parse_factor", "percent",
-    "time_text", "to_unit",
+    "UNITS",
+    "convert",
+    "dimension_of",
+    "known_unit",
+    "parse",
+    "parse_factor",
+    "percent",
+    "significant",
+    "time_text",
+    "to_unit",
 ]  # fmt: skip
 
 _H = 3600.0
@@ -316,6 +324,18 @@ def percent(share: float) -> str:
     """
     value = 100.0 * float(share)
     return f"{value:.0f} %" if abs(value) >= 9.95 else f"{value:.2g} %"
+
+
+def significant(value: float, digits: int) -> str:
+    """Return a number of so many digits, and no power of ten for one below a million.
+
+    Examples
+    --------
+    >>> significant(234.5, 2), significant(0.02345, 2), significant(3.0, 2)
+    ('230', '0.023', '3')
+    """
+    text = f"{float(value):.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(float(text)) < 1e6 else text
 
 
 def _units_of(dimension: str) -> str:

@@ -66,8 +66,17 @@ def test_a_folder_is_a_table_and_one_bad_file_does_not_stop_the_rest(run: Run, f
     assert found[2]["document"] is None
     assert "no data rows" in str(found[2]["error"])
     page = (folder.parent / "o.html").read_text(encoding="utf-8")
-    assert "2 of 3 records have a result" in page
+    assert '2 <span class="pm">of 3 records have a result</span>' in page
+    assert '<p class="sub">Heading ' in page
     assert page.count('class="plot"') == 1
+
+
+def test_the_truth_beside_a_record_is_no_record(tmp_path: Path):
+    for name in ("a.csv", "a.truth.parquet", "b.truth.parquet"):
+        (tmp_path / name).write_text("")
+    assert many.records_of((str(tmp_path),)) == [
+        str(tmp_path / "a.csv"), str(tmp_path / "b.truth.parquet"),
+    ]  # fmt: skip
 
 
 def test_each_document_is_that_of_the_record_alone(run: Run, folder: Path):
@@ -125,7 +134,7 @@ def test_info_and_allan_have_their_own_columns(run: Run, folder: Path):
     ] * 2
     assert "2 of 2 records have a result" in done.err
     done = run("allan", "day/a.csv", "day/b.csv", "--jobs", "1")
-    assert "angle random walk deg sqrt h" in done.out.splitlines()[0]
+    assert "angle random walk, deg/sqrt(h)" in done.out.splitlines()[0]
 
 
 @pytest.mark.slow

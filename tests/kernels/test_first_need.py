@@ -92,3 +92,36 @@ def test_all_are_compiled_whatever_becomes_of_the_other_process(tmp_path, fails)
     count, left = map(int, done.stdout.split())
     assert count == 5
     assert left <= (1 if "false" in fails else 0)
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+@pytest.mark.skipif(not machine_code.available(), reason="kernels are called through Numba")
+def test_the_list_names_what_the_first_commands_call(tmp_path):
+    code = (
+        "import sys\n"
+        "import schuler.kernels._jit as jit\n"
+        "from schuler.cli import main\n"
+        "code = jit._Kernel._code\n"
+        "def told(kernel, words, **settings):\n"
+        "    print('called', kernel._place, *words, file=sys.stderr)\n"
+        "    return code(kernel, words, **settings)\n"
+        "jit._Kernel._code = told\n"
+        "main(sys.argv[1:])\n"
+    )
+    commands = [
+        ["demo", "--out", "."],
+        ["info", "demo.parquet"],
+        ["align", "demo.parquet", "--lat", "40"],
+        ["align", "demo.parquet", "--lat", "40", "--spec", "navigation-fog"],
+    ]
+    for arguments in commands:
+        done = subprocess.run(
+            [sys.executable, "-c", code, *arguments], cwd=tmp_path, capture_output=True, text=True,
+            timeout=300, check=True,
+        )  # fmt: skip
+        lines = [line.split() for line in done.stderr.splitlines() if line.startswith("called ")]
+        called = {(place, tuple(words)) for _, place, *words in lines}
+        listed = {entry.signature for entry in ahead.entries() if arguments[0] in entry.commands}
+        assert called
+        assert called <= listed, f"signatures.txt: {arguments[0]} calls {called - listed}"

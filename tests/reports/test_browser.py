@@ -103,8 +103,9 @@ def test_a_figure_is_saved_as_it_is(chromium: str, page: Path, tmp_path: Path) -
         "<script>(async () => {const s = window.schulerFigures;"
         "const out = s.figures.map(([t, f]) => s.table(f));"
         "const svg = await s.picture(s.figures[0][1], 'svg');"
+        "const png = await s.picture(s.figures[0][1], 'png');"
         "const told = document.createElement('pre'); told.id = 'told';"
-        "told.textContent = JSON.stringify([out, svg.slice(0, 40)]);"
+        "told.textContent = JSON.stringify([out, svg.slice(0, 40), png.slice(0, 40)]);"
         "document.body.append(told);})()</script></body>"
     )
     there = tmp_path / "probe.html"
@@ -113,7 +114,8 @@ def test_a_figure_is_saved_as_it_is(chromium: str, page: Path, tmp_path: Path) -
     assert dom.count('aria-label="Save the figure convergence as ') == 3
     found = re.search(r'<pre id="told">(.*?)</pre>', dom, re.DOTALL)
     assert found is not None
-    tables, svg = json.loads(unescape(found[1]))
+    tables, svg, png = json.loads(unescape(found[1]))
+    assert png.startswith("data:image/png")
     assert svg.startswith("data:image/svg+xml")
     windows = align_windows(record(120.0, 20.0, HOSTILE), SITE, 30.0, spec="navigation-fog")
     drawings = page_of(windows).drawings
@@ -129,6 +131,17 @@ def test_a_figure_is_saved_as_it_is(chromium: str, page: Path, tmp_path: Path) -
                 for a, b in zip(ours[1:], theirs[1:], strict=True)
             ]
             assert all(same)
+
+
+AUDIT = (Path(__file__).parent / "audit.js").read_text(encoding="utf-8")
+"""A function of the page: a sentence for each thing that a reader would see wrong."""
+
+
+def audited(dom: str) -> list[str]:
+    """Return what was found wrong in a page whose probe has called `AUDIT`."""
+    found = re.search(r'data-audit="([^"]*)"', dom)
+    assert found is not None
+    return list(json.loads(unescape(found[1])))
 
 
 SHOWN_BY_OTHERS = {"Alignment", "LatitudeFix", "Allan", "Scatter", "Trajectory", "Evaluation"}
@@ -147,7 +160,8 @@ def every_page(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int]:
     path = tmp_path_factory.mktemp("every") / "page.html"
     write_page(page, path)
     probe = (
-        "<script>const wide = window.innerWidth + 1;"
+        f"<script>{AUDIT}</script><script>const wide = window.innerWidth + 1;"
+        "document.documentElement.dataset.audit = JSON.stringify(audit());"
         "const over = Array.from(document.querySelectorAll('body *')).filter((e) => "
         "e.getBoundingClientRect().right > wide && !e.closest('.table') && !e.closest('.plot'));"
         "document.documentElement.dataset.over = over.map((e) => e.tagName).join(' ');"
@@ -174,6 +188,7 @@ def test_every_kind_of_report_fits_its_screen(
     assert f'data-drawn="{count}"' in root[0]
     assert 'data-scroll="true"' in root[0]
     assert 'data-over=""' in root[0], root[0]
+    assert audited(dom) == []
     drawn = plots(dom)
     assert len(drawn) == count
     for plot in drawn:
@@ -191,9 +206,13 @@ def test_every_kind_of_report_fits_its_paper(
     # Tables do not scroll on paper, and figures are as wide as `beforeprint` makes them.
     told = (
         "<script>window.dispatchEvent(new Event('beforeprint'));"
-        "const right = Math.max(...Array.from(document.querySelectorAll("
-        "'.table *, figure svg, header *, p, li'), (e) => e.getBoundingClientRect().right));"
-        "document.documentElement.dataset.right = String(Math.round(right));"
+        "document.documentElement.dataset.paper = 'yes';"
+        "document.documentElement.dataset.audit = JSON.stringify(audit());"
+        "const beyond = Array.from(document.querySelectorAll("
+        "'.table *, figure svg, header *, p, li')).filter("
+        "(e) => e.getBoundingClientRect().right > document.documentElement.clientWidth + 0.5);"
+        "document.documentElement.dataset.over = "
+        "beyond.map((e) => e.textContent.slice(0, 60)).join('; ');"
         "document.documentElement.dataset.paper = String(document.documentElement.clientWidth);"
         "</script></body>"
     )
@@ -206,9 +225,43 @@ def test_every_kind_of_report_fits_its_paper(
                    "--hide-scrollbars")  # fmt: skip
     root = re.search(r"<html[^>]*>", dom)
     assert root is not None
-    right, width = (int(re.search(rf'data-{n}="(\d+)"', root[0])[1]) for n in ("right", "paper"))
-    assert width == 688
-    assert right <= width
+    assert 'data-paper="688"' in root[0]
+    assert 'data-over=""' in root[0], root[0]
+    assert audited(dom) == []
+
+
+def test_the_audit_sees_what_is_wrong(chromium: str, tmp_path: Path) -> None:
+    """The audit of the tests above can fail, by each of its rules."""
+    layout = {
+        "height": 300, "margin": {"l": 40, "r": 5, "t": 20, "b": 40},
+        "xaxis": {"title": {"text": "a title that is far wider than the figure " * 3}},
+        "yaxis": {"type": "log", "dtick": "D2"},
+        "shapes": [{"type": "line", "x0": 2, "x1": 2, "yref": "paper", "y0": 0, "y1": 1,
+                    "line": {"color": "red"}}],
+        "annotations": [{"x": 2, "y": 1, "text": text, "showarrow": False}
+                        for text in ("one label", "another")],
+    }  # fmt: skip
+    data = [{"type": "scatter", "x": [1.0, 2.0, 90000.0], "y": [1.0, 10.0, 300.0]}]
+    bad = {"data": data, "layout": layout}
+    page = tmp_path / "bad.html"
+    library = report(made("Allan"), tmp_path / "good.html").read_text(encoding="utf-8")
+    plotly = max(re.findall(r"<script>(.*?)</script>", library, re.DOTALL), key=len)
+    page.write_text(
+        "<!doctype html><meta charset=utf-8><style>td { overflow-wrap: anywhere; width: 20px }"
+        "</style><table><tr><td>quantisation</td></tr></table>"
+        '<figure data-name="bad"><div class="plot" id="p"></div></figure>'
+        f"<script>{plotly}</script><script>{AUDIT}Plotly.newPlot('p', {json.dumps(bad['data'])}, "
+        f"{json.dumps(bad['layout'])});"
+        "document.documentElement.dataset.audit = JSON.stringify(audit());</script>",
+        encoding="utf-8",
+    )
+    dom, _ = visit(chromium, page, tmp_path / "profile", "--window-size=500,900")
+    said = "\n".join(audited(dom))
+    for rule in (
+        "is cut off", "'one label' lies over 'another'", "a line crosses 'one label'",
+        "yaxis has no title", "yaxis says a number twice", "xaxis has the mark", "is broken",
+    ):  # fmt: skip
+        assert rule in said, said
 
 
 def test_short_tables_are_printed_on_one_page(every_page: tuple[Path, int]) -> None:

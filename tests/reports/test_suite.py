@@ -16,8 +16,11 @@ from click.testing import CliRunner
 import schuler as sc
 from schuler.cli import cli
 from schuler.motion import Static
+from schuler.reports import report
+from schuler.reports.live_page import page_html
 from schuler.sensors import GRADES
 from schuler.simulation import simulate
+from tests.reports.results import MAKERS, made
 
 SPEC = ("--spec", "navigation-fog", "--lat", "40")
 PAGES = {
@@ -79,10 +82,12 @@ def folder(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(scope="module", params=PAGES)
+@pytest.fixture(scope="module", params=[*PAGES, *MAKERS])
 def page(request, folder):
-    """Return the text of each report."""
+    """Return the text of each report: by the command, and of each kind of result."""
     out = folder / f"{request.param}.html"
+    if request.param in MAKERS:
+        return report(made(request.param), out).read_text(encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         done = CliRunner().invoke(cli, [*PAGES[request.param], "--report", out.name])
@@ -111,10 +116,32 @@ def test_a_reader_without_eyes_finds_his_way_in_pages_of_one_look(page):
     assert len(seen.all("figcaption")) == len(plots)
     assert len(seen.all("caption")) == len(seen.all("table"))
     assert all(cell.get("scope") in ("row", "col") for cell in seen.all("th"))
+    policy = [a["content"] for a in seen.all("meta") if "http-equiv" in a]
+    assert len(policy) == 1
+    assert (policy[0] or "").startswith("default-src 'none';")
+    assert "http" not in (policy[0] or "")
     # One look; nothing from elsewhere; and colours belong to the style, which knows paper too.
     assert files("schuler.reports").joinpath("page.css").read_text(encoding="utf-8") in page
     assert not re.search(r'<(?:script|link|img)[^>]+(?:src|href)="(?!data:)', page)
     assert "style=" not in page[page.index("<body") : page.index("<script")]
+
+
+def test_a_reader_without_eyes_finds_his_way_in_the_live_page():
+    text, _ = page_html()
+    seen = Page(text)
+    assert seen.all("html") == [{"lang": "en"}]
+    assert [told for tag, told in seen.headings if tag == "title"] == ["schuler live"]
+    order = [int(tag[1]) for tag, _ in seen.headings if tag != "title"]
+    assert order[0] == 1
+    assert order.count(1) == 1
+    assert all(b <= a + 1 for a, b in pairwise(order))
+    drawn = seen.all("svg")
+    assert len(drawn) == 2
+    assert all(a["role"] == "img" and a["aria-label"] for a in drawn)
+    assert len(seen.all("caption")) == len(seen.all("table"))
+    assert [a["role"] for a in seen.all("div") + seen.all("p") if "role" in a] == [
+        "alert", "status",
+    ]  # fmt: skip
 
 
 def luminance(colour: str) -> float:

@@ -20,7 +20,7 @@ from schuler.constants import ARCMIN, DEG
 from schuler.earth import Site
 from schuler.record import Summary
 from schuler.sensors import ImuSpec
-from schuler.units import time_text
+from schuler.units import significant, time_text
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -276,7 +276,8 @@ class Alignment(Result):
             ("accelerometer", self.accel_bias, sigma[3:], MICRO_G, "ug"),
         ):
             each = ", ".join(
-                f"{v / unit:.3g} ± {e / unit:.2g}" for v, e in zip(values, s, strict=True)
+                f"{significant(v / unit, 3)} ± {significant(e / unit, 2)}"
+                for v, e in zip(values, s, strict=True)
             )
             out.append(f"{name} bias {each} {text}")
         return out
@@ -307,7 +308,7 @@ class Alignment(Result):
             inside.append("repeatability: no bias in it")
         bound = self.limit_arcmin
         if bound is not None:
-            inside.append(f"limit {bound[2]:.2g}'")
+            inside.append(f"limit {significant(bound[2], 2)}'")
         shares = self.budget_arcmin2
         total = sum(shares.values())
         if total > 0:
@@ -335,7 +336,7 @@ class Alignment(Result):
         total = float(self.covariance[2, 2]) / ARCMIN**2
         for name, variance in sorted(self.budget_arcmin2.items(), key=lambda item: -item[1]):
             share = variance / total if total > 0 else 0.0
-            rows.append((name.replace("_", " "), f"{variance**0.5:.2g}′{bar(share)}"))
+            rows.append((name.replace("_", " "), f"{significant(variance**0.5, 2)}′{bar(share)}"))
         return card(self.headline(), rows, self.warnings)
 
     def __str__(self) -> str:

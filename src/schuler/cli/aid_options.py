@@ -10,7 +10,16 @@ from schuler.cli.parameters import InputFile
 from schuler.cli.path_output import triple
 from schuler.errors import InputError, near
 
-__all__ = ["BESIDE", "beside_options", "estimates_of", "lever_of", "read_beside", "sigmas_of"]
+__all__ = [
+    "BESIDE",
+    "beside_options",
+    "estimates_of",
+    "gnss_height_option",
+    "gnss_sigma_option",
+    "lever_of",
+    "read_beside",
+    "sigmas_of",
+]
 
 _ESTIMATES = ("delay", "lever", "mount", "scale")
 
@@ -18,6 +27,22 @@ _ESTIMATES = ("delay", "lever", "mount", "scale")
 def lever_of(text: str | None, option: str) -> tuple[float, float, float]:
     """Return three numbers with commas; nothing is a lever arm of nothing."""
     return (0.0, 0.0, 0.0) if text is None else triple(text, option)
+
+
+def gnss_sigma_option(otherwise: str) -> Any:
+    """Return ``--gnss-sigma``, which counts where what is read does not say it itself."""
+    return click.option(
+        "--gnss-sigma", metavar="M,M/S",
+        help=f"1-sigma of position and velocity, where {otherwise} (3,0.1).",
+    )  # fmt: skip
+
+
+def gnss_height_option(otherwise: str) -> Any:
+    """Return ``--gnss-height``, which counts where what is read does not say it itself."""
+    return click.option(
+        "--gnss-height", type=click.Choice(["ellipsoid", "geoid"]),
+        help=f"What heights are above, where {otherwise}.",
+    )  # fmt: skip
 
 
 def sigmas_of(text: str | None) -> tuple[float | None, float | None]:

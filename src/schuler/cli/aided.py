@@ -13,6 +13,8 @@ from schuler.cli.aid_options import (
     BESIDE,
     beside_options,
     estimates_of,
+    gnss_height_option,
+    gnss_sigma_option,
     lever_of,
     read_beside,
     sigmas_of,
@@ -48,14 +50,8 @@ def aiding_options(function: Any) -> Any:
             help="GNSS fixes: NMEA, u-blox, NovAtel, RTKLIB, KF-GINS, PSINS, ULog, ROS, CSV, "
             "Parquet.",
         ),
-        click.option(
-            "--gnss-sigma", metavar="M,M/S",
-            help="1-sigma of position and velocity, where the file has none (3,0.1).",
-        ),
-        click.option(
-            "--gnss-height", type=click.Choice(["ellipsoid", "geoid"]),
-            help="What the heights are above, where the file does not say it.",
-        ),
+        gnss_sigma_option("the file has none"),
+        gnss_height_option("the file does not say it"),
         click.option(
             "--gnss-topic", metavar="NAME[,NAME]",
             help="Topics of the fixes and of their velocity, a log's message, or a .mat's array.",

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
-import time as clock
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
@@ -36,6 +34,7 @@ from schuler.cli.common import (
 from schuler.cli.completion import methods, prefilters, specs
 from schuler.cli.many import ManyCommand
 from schuler.cli.parameters import InputFile, NamesOption, Seconds, method_names, prefilter_names
+from schuler.cli.running import budget_line, follow
 from schuler.errors import InputError
 from schuler.units import time_text
 
@@ -286,9 +285,7 @@ def _print(fix: Alignment, windows: Windows | None) -> None:
         echo(str(windows))
         echo("whole span:")
     echo(str(fix).split("\nwarning: ")[0])
-    shares = sorted(fix.budget_arcmin2.items(), key=lambda item: -item[1])
-    parts = ", ".join(f"{name.replace('_', ' ')} {value**0.5:.2g}'" for name, value in shares)
-    echo(f"heading budget (1 sigma): {parts}")
+    echo(budget_line(fix))
 
 
 def _follow(
@@ -296,32 +293,16 @@ def _follow(
     quiet: bool,
 ) -> Alignment:  # fmt: skip
     """Align while data come; show heading and sigma live, and end by --idle or Ctrl-C."""
-    last = 0.0
-    live = sys.stdout.isatty() and not quiet
-    try:
-        for chunk in source.follow(idle=idle):
-            aligner.update(chunk if calibration is None else calibration.apply(chunk))
-            if clock.monotonic() - last < 0.5:
-                continue
-            last = clock.monotonic()
-            try:
-                fix = aligner.solution()
-            except InputError:
-                # Too few samples yet, or (for seconds only) no attitude in them.
-                if aligner.samples > 1000:
-                    raise
-                continue
-            line = (
-                f"{fix.duration:9.1f} s  heading {fix.heading_deg:9.4f} deg "
-                f"± {fix.sigma_arcmin[2]:.3g}'"
-            )
-            if live:
-                click.echo(f"\r\x1b[K{line}", nl=False)
-            else:
-                echo(line, err=quiet)
-    except KeyboardInterrupt:
-        # The way to end a live alignment: the result so far is wanted.
-        pass
-    if live:
-        echo()
+
+    def solution() -> tuple[float, Alignment] | None:
+        try:
+            fix = aligner.solution()
+        except InputError:
+            # Too few samples yet, or (for seconds only) no attitude in them.
+            if aligner.samples > 1000:
+                raise
+            return None
+        return fix.duration, fix
+
+    follow(source.follow(idle=idle), aligner.update, solution, calibration, quiet)
     return aligner.solution()

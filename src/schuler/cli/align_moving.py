@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
-import time as clock
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,6 +11,7 @@ from schuler.cli.aid_options import (
     BESIDE,
     beside_options,
     estimates_of,
+    gnss_sigma_option,
     lever_of,
     read_beside,
     sigmas_of,
@@ -20,6 +19,7 @@ from schuler.cli.aid_options import (
 from schuler.cli.command import CONTRADICTED, echo, wants_text
 from schuler.cli.common import draw, emit_json, open_file, progress, say_warnings, site_or_none
 from schuler.cli.parameters import InputFile, Number, Seconds
+from schuler.cli.running import budget_line, follow
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -37,9 +37,6 @@ __all__ = [
 
 _FOLLOWED_LATENCY = 10.0
 """Files are written in blocks: fixes may come so much later than samples, s."""
-
-_BETWEEN = 0.5
-"""Between two lines of a record that is followed, s."""
 
 _AIDS = ("gnss", "odometer", "dvl")
 _KEYS = (*_AIDS, "dvl_frame", "dvl_lever", "gnss_sigma", "lever", "delay", "estimate", "vibration",
@@ -73,10 +70,7 @@ def motion_options(function: Any) -> Any:
             help="Where x, y, z of --dvl point (RFU; of a ROS bag FLU).",
         ),
         click.option("--dvl-lever", metavar="X,Y,Z", help="From IMU to that sensor, m."),
-        click.option(
-            "--gnss-sigma", metavar="M,M/S",
-            help="1-sigma of position and velocity, where the file has none (3,0.1).",
-        ),
+        gnss_sigma_option("the file has none"),
         click.option(
             "--lever", metavar="X,Y,Z|auto", help="From IMU to antenna or master, m (body axes)."
         ),
@@ -255,36 +249,24 @@ def follow_in_motion(
     calibration = None if calibration_from is None else Calibration.from_toml(calibration_from)
     source, finish = open_file(options, math.inf if idle is None else idle, load_spec(spec))
     quiet = outputs[0] == "-"
-    screen = sys.stdout.isatty() and not quiet
-    last = 0.0
 
     def look() -> bool:
         """Take the fixes that are new; the record goes on."""
         stream.add(growing.rows())
         return False
 
-    try:
+    def update(chunk: ImuRecord) -> None:
+        stream.update(chunk)
         look()
-        for chunk in source.follow(idle=idle, stop=look):
-            stream.update(chunk if calibration is None else calibration.apply(chunk))
-            look()
-            if clock.monotonic() - last < _BETWEEN or stream.starting:
-                continue
-            last = clock.monotonic()
-            fix = stream.solution()
-            line = (
-                f"{fix.end:12.2f} s  heading {fix.heading_deg:9.4f} deg "
-                f"± {fix.sigma_arcmin[2]:.3g}'"
-            )
-            if screen:
-                click.echo(f"\r\x1b[K{line}", nl=False)
-            else:
-                echo(line, err=quiet)
-    except KeyboardInterrupt:
-        # The way to end a live alignment: the result so far is wanted.
-        pass
-    if screen:
-        echo()
+
+    def solution() -> tuple[float, Alignment] | None:
+        if stream.starting:
+            return None
+        fix = stream.solution()
+        return fix.end, fix
+
+    look()
+    follow(source.follow(idle=idle, stop=look), update, solution, calibration, quiet)
     look()
     stream.finish()
     if growing.trouble is not None and not stream.counts["fixes"]:
@@ -312,9 +294,7 @@ def say_alignment(
         if windows is not None:
             _print_windows(windows)
         echo(str(fix).split("\nwarning: ")[0])
-        shares = sorted(fix.budget_arcmin2.items(), key=lambda item: -item[1])
-        parts = ", ".join(f"{name.replace('_', ' ')} {value**0.5:.2g}'" for name, value in shares)
-        echo(f"heading budget (1 sigma): {parts}")
+        echo(budget_line(fix))
     finish()
     say_warnings(fix.warnings)
     return 0 if fix.consistent else CONTRADICTED

@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from schuler.cli.aid_options import estimates_of, lever_of, sigmas_of
+from schuler.cli.aid_options import (
+    estimates_of,
+    gnss_height_option,
+    gnss_sigma_option,
+    lever_of,
+    sigmas_of,
+)
 from schuler.cli.parameters import Count, Number, Seconds
 from schuler.errors import InputError
 
@@ -71,14 +77,8 @@ def live_aid_options(function: Any) -> Any:
             help="A fix stamped t is valid at t - S.",
         ),
         click.option("--estimate", metavar="LIST", help="Of delay, lever, with commas."),
-        click.option(
-            "--gnss-sigma", metavar="M,M/S",
-            help="1-sigma of position and velocity, where no sentence has it (3,0.1).",
-        ),
-        click.option(
-            "--gnss-height", type=click.Choice(["ellipsoid", "geoid"]),
-            help="What heights are above, where a sentence has no height of the geoid.",
-        ),
+        gnss_sigma_option("no sentence has it"),
+        gnss_height_option("a sentence has no height of the geoid"),
         click.option(
             "--vibration", type=Number(0.0, 10.0), metavar="M/S/SQRT(S)",
             help="Least velocity random walk on the vehicle (as the samples show it).",

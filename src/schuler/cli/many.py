@@ -109,6 +109,7 @@ def records_of(names: tuple[str, ...]) -> list[str]:
         If there is none.
     """
     from schuler.io import readers
+    from schuler.io.trajectory import truth_path
 
     endings = {suffix for reader in readers().values() for suffix in reader.suffixes}
     out: list[str] = []
@@ -120,6 +121,9 @@ def records_of(names: tuple[str, ...]) -> list[str]:
             str(path) for path in Path(name).iterdir()
             if (_is_bag(path) or path.suffix.lower() in endings) and not path.name.startswith(".")
         )  # fmt: skip
+        # What `simulate` writes beside a record is no record.
+        truths = {str(truth_path(path)) for path in found}
+        found = [path for path in found if path not in truths]
         if not found:
             raise InputError(f"{name}: holds no record ({', '.join(sorted(endings))})")
         out += found

@@ -12,6 +12,7 @@ from schuler.attitude import multiply, quat_to_rotvec, rotvec_to_quat
 from schuler.constants import DEG, DEG_PER_HOUR, MICRO_G
 from schuler.ins import BodyVelocity, ErrorStateFilter, Height, Measurement, groups_of
 from schuler.navigation.aid_measurements import DopplerRows
+from schuler.units import significant
 
 __all__ = ["WITHHELD", "estimate_rows", "estimates", "levers"]
 
@@ -38,7 +39,9 @@ def estimate_rows(estimated: Mapping[str, Any]) -> list[tuple[str, str]]:
             if name.endswith(end):
                 plain, unit = name.removesuffix(end), f" {said}"
         centre, sigma = (np.atleast_1d(np.asarray(x, np.float64)) for x in value)
-        told = ", ".join(f"{c:.4g} ± {s:.2g}" for c, s in zip(centre, sigma, strict=True))
+        told = ", ".join(
+            f"{significant(c, 4)} ± {significant(s, 2)}" for c, s in zip(centre, sigma, strict=True)
+        )
         out.append((plain.replace("_", " "), told + unit))
     return out
 

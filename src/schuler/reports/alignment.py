@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from html import escape
 
+import numpy as np
+
 from schuler.alignment import (
     Alignment,
     LatitudeFix,
@@ -20,6 +22,7 @@ from schuler.reports import figures
 from schuler.reports.moving import moving_sections, windows_section
 from schuler.reports.page import Drawing, Page, Section, contradiction_box, definition_table
 from schuler.reports.transfer import transfer_sections
+from schuler.units import significant
 
 __all__ = ["alignment_page", "latitude_page", "windows_page"]
 
@@ -73,8 +76,14 @@ def _headline(fix: Alignment, name: str) -> str:
     facts = [
         (f"{fix.pitch_deg:.4f}°", "pitch"),
         (f"{fix.roll_deg:.4f}°", "roll"),
-        (f"{sigma[0]:.2g}′ · {sigma[1]:.2g}′", "tilt, 1 sigma east · north"),
-        (f"{bound[2]:.2g}′" if bound is not None else "no spec", "limit of the heading"),
+        (
+            f"{significant(sigma[0], 2)}′ · {significant(sigma[1], 2)}′",
+            "tilt, 1 sigma east · north",
+        ),
+        (
+            f"{significant(bound[2], 2)}′" if bound is not None else "no spec",
+            "limit of the heading",
+        ),
         (f"{fix.duration:.6g} s", f"{fix.samples} samples"),
     ]
     warned = "".join(f"<li>{escape(text)}</li>" for text in fix.warnings)
@@ -133,8 +142,8 @@ def _budget(fix: Alignment) -> Section:
             Drawing(
                 "budget",
                 figures.budget(fix),
-                "Each source's part of the heading's sigma; the total is the root sum square."
-                + spec,
+                "Each source's part of the heading's sigma; the total is the root sum square"
+                + (", and the limit is the Cramér-Rao bound." if fix.spec else "." + spec),
                 f"Bar chart of the heading's error budget, total {fix.sigma_arcmin[2]:.3g} arcmin.",
             )
         ],
@@ -163,20 +172,24 @@ def _raw(fix: Alignment) -> Section:
 
 def _residuals(fix: Alignment) -> Section:
     r = residual(fix.history, fix.site, _RESIDUAL_BLOCKS)
-    e, n, u = (1e3 * v for v in r.rms)
+    e, n, u = (significant(1e3 * v, 3) for v in r.rms)
+    bent = ", ".join(
+        f"{name} {significant(1e3 * float(np.ptp(values)), 2)}"
+        for name, values in zip(("east", "north", "up"), figures.parabola(r).T, strict=True)
+    )
     return Section(
         "Residuals",
-        html=f"<p>Residual velocity rms: east {e:.3g}, north {n:.3g}, up {u:.3g} mm/s, from "
+        html=f"<p>Residual velocity rms: east {e}, north {n}, up {u} mm/s, from "
         f"means over {float(r.dt.mean()):.3g} s. The disturbance part of sigma comes from its "
         "low frequencies.</p>",
         drawings=[
             Drawing("residuals", figures.residuals(r, fix.start),
-                    "Residual of the velocity integral. A parabola in it (east) is a constant "
-                    "drift of the gyros about north: it does not turn the heading, and is not "
-                    "counted as disturbance.",
+                    f"Residual of the velocity integral, less a parabola ({bent} mm/s from its "
+                    "least to its largest). One east is a constant drift of the gyros about "
+                    "north: it does not turn the heading, and is not counted as disturbance.",
                     "Residual velocity east, north and up over time."),
             Drawing("spectrum", figures.spectrum(r),
-                    "Its amplitude spectral density, without that parabola.",
+                    "Its amplitude spectral density, likewise less that parabola.",
                     "Spectrum of the residual velocity."),
         ],
     )  # fmt: skip

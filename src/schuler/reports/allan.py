@@ -113,7 +113,7 @@ def _figure(found: Allan, fit: NoiseFit | None, names: list[str]) -> Any:
     factor = to_unit(1.0, unit)
     layout = plot_layout(520, "averaging time, s", f"deviation, {unit}", hovermode="closest")
     for axis in ("xaxis", "yaxis"):
-        layout[axis].update(type="log", exponentformat="power", dtick=1)
+        layout[axis].update(type="log", exponentformat="power")
     tau = np.geomspace(found.tau[0], found.tau[-1], 121)
     traces: list[Any] = []
     largest = 0.0
@@ -155,8 +155,7 @@ def _figure(found: Allan, fit: NoiseFit | None, names: list[str]) -> Any:
         _asymptotes(fit, names, tau, factor, traces, layout, smallest)
     if largest > 0.0:
         bottom, top = float(np.log10(0.5 * smallest)), float(np.log10(1.6 * largest))
-        # Powers of ten alone are too few marks for a low figure.
-        layout["yaxis"].update(range=[bottom, top], dtick=1 if top - bottom > 2.5 else "D2")
+        layout["yaxis"].update(range=[bottom, top])
     return figure_of(traces, layout)
 
 
@@ -204,7 +203,7 @@ def _table(fit: NoiseFit) -> str:
         for name in names:
             found = fit.channels[name]
             cells = "".join(
-                f"<td>{escape(term_text(found.terms[t]))}"
+                f'<td class="pair">{escape(term_text(found.terms[t]))}'
                 f"<br><small>{escape(in_si(name, place, found.terms[t]))}</small></td>"
                 for place, t in enumerate(terms)
             )

@@ -141,7 +141,7 @@ def _variances(array: SensorArray) -> Drawing:
     sets: list[tuple[int, ...]] = [
         s for s in array.subsets() if len(s) >= n - 1
     ][:_MOST_BARS]  # fmt: skip
-    labels = ["all" if len(s) == n else f"without {(set(range(n)) - set(s)).pop()}" for s in sets]
+    labels = ["none" if len(s) == n else str((set(range(n)) - set(s)).pop()) for s in sets]
     v = np.array([array.variance(s) for s in sets])
     traces: list[Any] = [
         bar(x=labels, y=v[:, j], name=name, marker={"color": colour},
@@ -149,7 +149,9 @@ def _variances(array: SensorArray) -> Drawing:
         for j, (name, colour) in enumerate((("x", BLUE), ("y", ORANGE), ("z", GREEN)))
     ]  # fmt: skip
     text = "Variance of each fused axis, for sensors of unit variance; bars stand for one failure."
-    layout = plot_layout(340, "sensors in use", "variance", barmode="group")
+    layout = plot_layout(340, "failed sensor", "variance", barmode="group")
+    # The numbers of sensors are names, not places on an axis.
+    layout["xaxis"]["type"] = "category"
     return Drawing("variance", figure_of(traces, layout), text)
 
 

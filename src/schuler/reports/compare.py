@@ -11,7 +11,7 @@ from schuler.alignment.compare import Comparison
 from schuler.reports.figure import scatter
 from schuler.reports.figures import BLUE, figure_of, plot_layout
 from schuler.reports.page import Drawing, Page, Section, contradiction_box, definition_table
-from schuler.units import percent
+from schuler.units import percent, significant
 
 __all__ = ["comparison_page", "records_page"]
 
@@ -21,6 +21,11 @@ def _cell(value: float | None, form: str, unit: str = "") -> str:
         return "–"
     # Thousands of arcminutes are no place for powers of ten.
     return f"{value:,.0f}{unit}" if form == ".3g" and value >= 1000 else f"{value:{form}}{unit}"
+
+
+def _chance(probability: float) -> str:
+    """Return a probability in per cent; of a tiny one, that it is small."""
+    return percent(probability) if probability >= 1e-4 else "less than 0.01 %"
 
 
 def _settled(found: Comparison) -> str:
@@ -65,7 +70,7 @@ def comparison_page(found: Comparison) -> Page:
         layout = plot_layout(
             max(320, 22 * len(done)), "heading less that of the least sigma, arcmin", ""
         )
-        layout["yaxis"].update(autorange="reversed", automargin=True)
+        layout["yaxis"]["range"] = [len(done) - 0.5, -0.5]
         layout["xaxis"].update(range=[-reach, reach])
         figure = figure_of(
             [
@@ -79,6 +84,9 @@ def comparison_page(found: Comparison) -> Page:
             layout,
         )  # fmt: skip
         text = "Heading of every method with its 1-sigma bar, against that of the least sigma."
+        beyond = [name for name, value in zip(names, off, strict=True) if abs(value) * 60.0 > reach]
+        if beyond:
+            text += f" Farther off than the figure reaches: {', '.join(beyond)}."
         sections.append(Section("Headings", drawings=[Drawing("headings", figure, text)]))
     window = "" if found.window is None else f" · windows of {found.window:g} s"
     limit = "" if found.limit_arcmin is None else f" · limit {found.limit_arcmin:.3g}′"
@@ -121,9 +129,9 @@ def records_page(found: RecordComparison) -> Page:
     head = (
         "<h1>Two records of one pose</h1>"
         + contradiction_box(found.contradictions)
-        + f'<p class="value">{value}</p><p class="sub">chi-square {found.chi_square:.3g} of three '
-        f"degrees of freedom: as large by chance in {percent(found.probability)} where the "
-        "poses are the same</p>"
+        + f'<p class="value">{value}</p><p class="sub">chi-square '
+        f"{significant(found.chi_square, 3)} of three degrees of freedom: as large by chance in "
+        f"{_chance(found.probability)} where the poses are the same</p>"
     )
     return Page(
         f"Two records: {found.names[0]}, {found.names[1]}", head,

@@ -22,6 +22,12 @@ Trace = dict[str, Any]
 _SAME_DECADE, _NARROW = 4.0, 300.0
 """Ratios below which a logarithmic axis is a linear one, and is marked at 1, 2 and 5."""
 
+_MOST_DECADES = 7
+"""Powers of ten that are marked on a wider one."""
+
+_PLAIN_EXPONENT = 6
+"""Numbers of an axis below this power of ten are written out: 70500, not 70.5k."""
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -53,16 +59,14 @@ class Figure:
         """
         # The default template repeats itself in every figure: 7 kB that the page's style replaces.
         layout = {"template": "none", **self.layout}
+        plain = {"exponentformat": "power", "minexponent": _PLAIN_EXPONENT}
+        for name in ("xaxis", "yaxis", "yaxis2"):
+            if name in layout or name != "yaxis2":
+                layout[name] = {**plain, **layout.get(name, {})}
         for letter in "xy":
-            axis = layout.get(f"{letter}axis", {})
-            if axis.get("type") != "log" or "dtick" in axis or "range" in axis:
-                continue
-            span = _ratio(self.data, letter)
-            if span < _SAME_DECADE:
-                layout[f"{letter}axis"] = {**axis, "type": "linear"}
-            elif span < _NARROW:
-                # Powers of ten alone are too few marks: 1, 2 and 5 of each.
-                layout[f"{letter}axis"] = {**axis, "dtick": "D2"}
+            axis = layout[f"{letter}axis"]
+            if axis.get("type") == "log" and "dtick" not in axis:
+                axis.update(_log_ticks(*_limits(self.data, letter, axis), "range" in axis))
         return graph_objects().Figure(self.data, layout)
 
     def to_csv(self) -> str:
@@ -83,13 +87,39 @@ def _finite(values: Any) -> bool:
     return any(v is not None and not (isinstance(v, float) and np.isnan(v)) for v in array)
 
 
-def _ratio(data: list[Trace], letter: str) -> float:
-    """Return the largest over the smallest positive number along an axis, 1 where there is none."""
+def _limits(data: list[Trace], letter: str, axis: dict[str, Any]) -> tuple[float, float]:
+    """Return the limits of a logarithmic axis: said, or the least and largest positive number."""
+    if "range" in axis:
+        low, high = axis["range"]
+        return 10.0**low, 10.0**high
     numbers = [
         float(v) for trace in data for v in trace[letter] if isinstance(v, float | int | np.number)
     ]
     positive = [v for v in numbers if v > 0.0 and np.isfinite(v)]
-    return max(positive) / min(positive) if positive else 1.0
+    return (min(positive), max(positive)) if positive else (1.0, 1.0)
+
+
+def _log_ticks(low: float, high: float, said: bool) -> dict[str, Any]:
+    """Return the marks of a logarithmic axis: 1, 2 and 5 written out, or powers of ten."""
+    if high / low < _SAME_DECADE and not said:
+        return {"type": "linear"}
+    if high / low >= _NARROW:
+        decades = float(np.log10(high / low))
+        return {"dtick": float(np.ceil(decades / _MOST_DECADES))}
+    # Plotly's own marks between powers of ten are a 2 and a 5 alone, of which decade nobody sees.
+    powers = range(int(np.floor(np.log10(low))) - 1, int(np.ceil(np.log10(high))) + 1)
+    values = [float(f"{m}e{p}") for p in powers for m in (1, 2, 5)]
+    values = [v for v in values if 0.5 * low <= v <= 2.0 * high]
+    return {"tickmode": "array", "tickvals": values, "ticktext": [_number(v) for v in values]}
+
+
+def _number(value: float) -> str:
+    """Return a number of one digit without an exponent, where it is not far from 1."""
+    if 1e-4 <= value < 10.0**_PLAIN_EXPONENT:
+        return np.format_float_positional(value, trim="-")
+    power = int(np.floor(np.log10(value) + 1e-9))
+    digit = round(value / 10.0**power)
+    return f"10<sup>{power}</sup>" if digit == 1 else f"{digit}·10<sup>{power}</sup>"
 
 
 def _title(layout: dict[str, Any], axis: str) -> str:

@@ -13,12 +13,14 @@ from schuler.kernels.states import StretchSums
 from schuler.record import Summary
 from schuler.record.summary import joined_stretches
 from schuler.reports.figure import Figure, bar, scatter
+from schuler.units import significant
 
 __all__ = [
     "budget",
     "convergence",
     "figure_of",
     "line_of",
+    "parabola",
     "plot_layout",
     "raw",
     "residuals",
@@ -149,19 +151,22 @@ def raw(summary: Summary, gravity: float) -> tuple[Any, Any]:
 
 
 def residuals(r: Residual, start: float) -> Any:
-    """Draw the residual velocity: east, north, and up less its drift, which dwarfs the rest."""
-    mean = r.mean.copy()
-    mean[:, 2] -= np.polyval(np.polyfit(r.t, mean[:, 2], 1), r.t)
+    """Draw the residual velocity without its parabola, which dwarfs the rest."""
+    left = r.mean - parabola(r)
     layout = plot_layout(320, "time, s", "residual velocity, mm/s")
     return figure_of(
         [
-            line_of(start + r.t, 1e3 * mean[:, k], name, colour, hovertemplate="%{y:.3f} mm/s")
-            for k, (name, colour) in enumerate(
-                (("east", BLUE), ("north", ORANGE), ("up, less a drift", GREEN))
-            )
+            line_of(start + r.t, 1e3 * left[:, k], name, colour, hovertemplate="%{y:.3f} mm/s")
+            for k, (name, colour) in enumerate((("east", BLUE), ("north", ORANGE), ("up", GREEN)))
         ],
         layout,
     )
+
+
+def parabola(r: Residual) -> Array:
+    """Return the parabola in each axis of a residual velocity by least squares, m/s, (n, 3)."""
+    basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(r.t)), 2)
+    return np.asarray(basis @ np.linalg.lstsq(basis, r.mean, rcond=None)[0], np.float64)
 
 
 def spectrum(r: Residual) -> Any:
@@ -169,8 +174,7 @@ def spectrum(r: Residual) -> Any:
     step = float(r.dt.mean())
     n = len(r.t)
     window = np.hanning(n)
-    parabola = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, n), 2)
-    left = r.mean - parabola @ np.linalg.lstsq(parabola, r.mean, rcond=None)[0]
+    left = r.mean - parabola(r)
     power = np.abs(np.fft.rfft(left * window[:, None], axis=0)) ** 2
     density: Array = np.sqrt(2.0 * step * power / np.sum(window**2))[1:]
     f: Array = np.fft.rfftfreq(n, step)[1:].astype(np.float64)
@@ -190,45 +194,34 @@ def spectrum(r: Residual) -> Any:
 
 
 def budget(fix: Alignment) -> Any:
-    """Draw what each source adds to the heading's sigma, with the total and the limit."""
+    """Draw what each source adds to the heading's sigma, the total and the limit."""
     shares = sorted(fix.budget_arcmin2.items(), key=lambda item: item[1])
     total = float(fix.sigma_arcmin[2])
     names = [name.replace("_", " ") for name, _ in shares] + ["total"]
     values = [value**0.5 for _, value in shares] + [total]
+    colours = [BLUE] * len(shares) + [GREY]
+    bound = fix.limit_arcmin
+    if bound is not None:
+        # A bar of its own: a line at the limit would cross what is written beside the others.
+        names.append("limit")
+        values.append(float(bound[2]))
+        colours.append(ORANGE)
     layout = plot_layout(
         120 + 34 * len(names), "1 sigma of heading, arcmin", "", showlegend=False,
         hovermode="closest",
     )  # fmt: skip
-    layout["xaxis"].update(rangemode="tozero", range=[0, 1.18 * total])
-    traces = [
-        bar(
-            x=values,
-            y=names,
-            orientation="h",
-            marker={"color": [BLUE] * len(shares) + [GREY]},
-            text=[f"{v:.3g}'" for v in values],
-            textposition="outside",
-            cliponaxis=False,
-            hovertemplate="%{y}: %{x:.4g}'<extra></extra>",
-        )
-    ]
-    bound = fix.limit_arcmin
-    if bound is not None:
-        layout["shapes"] = [
-            {
-                "type": "line", "xref": "x", "yref": "paper", "x0": float(bound[2]),
-                "x1": float(bound[2]), "y0": 0, "y1": 1,
-                "line": {"color": ORANGE, "width": 2, "dash": "dash"},
-            }
-        ]  # fmt: skip
-        layout["annotations"] = [
-            {
-                "x": float(bound[2]), "y": 1.0, "xref": "x", "yref": "paper",
-                "xanchor": "right", "yanchor": "bottom",
-                "text": f"limit {bound[2]:.3g}'", "showarrow": False,
-            }
-        ]  # fmt: skip
-    return figure_of(traces, layout)
+    layout["xaxis"].update(rangemode="tozero", range=[0, 1.3 * max(values)])
+    trace = bar(
+        x=values,
+        y=names,
+        orientation="h",
+        marker={"color": colours},
+        text=[f"{significant(v, 3)}'" for v in values],
+        textposition="outside",
+        cliponaxis=False,
+        hovertemplate="%{y}: %{x:.4g}'<extra></extra>",
+    )
+    return figure_of([trace], layout)
 
 
 def windows(w: Windows) -> Any:

@@ -65,6 +65,9 @@ def navigation_page(path: Trajectory, evaluation: Evaluation | None = None) -> P
             f"{e['north_m']:.4g} m north, {e['east_m']:.4g} east, {e['up_m']:.4g} up; "
             f"{e['nmi_per_h']:.3g} nmi/h"
         )
+        if sigma is not None:
+            spread = float(np.hypot(*sigma["position_enu_m"][:2]))
+            sub += f"; 1 sigma of it {spread:.3g} m"
         rows.append(("median horizontal error", f"{e['cep_m']:.4g} m"))
         sections.append(Section("Against the reference", drawings=_errors(evaluation)))
     sections.append(Section("At the end", html=definition_table(rows, "The last row")))

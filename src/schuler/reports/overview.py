@@ -21,6 +21,15 @@ __all__ = ["COMMANDS", "Overview", "overview_page"]
 _MOST_ROWS = 500
 """Rows of the report's table; files have all."""
 
+_FEW_RECORDS = 20
+"""Records that are marked one by one."""
+
+#: ends of columns' names, the longest first, and the units that they say
+_UNITS = {
+    "_ug_sqrt_hz": "ug/sqrt(Hz)", "_deg_sqrt_h": "deg/sqrt(h)", "_m_s2": "m/s^2",
+    "_arcmin": "arcmin", "_deg_h": "deg/h", "_deg": "deg", "_hz": "Hz", "_ug": "ug", "_s": "s",
+}  # fmt: skip
+
 Row = dict[str, Any]
 
 
@@ -162,7 +171,7 @@ class Overview(Result):
         names = [_short(row["file"]) for row in rows]
         wide = min(40, max([6, *map(len, names)]))
         cells = [[_cell(row[key], form) for key, form in forms.items()] for row in rows]
-        heads = [key.replace("_", " ") for key in forms]
+        heads = [_words(key) for key in forms]
         widths = [max(len(head), *(len(c[k]) for c in cells)) for k, head in enumerate(heads)]
         lines = [f"{'record':<{wide}}  " + "  ".join(map(str.rjust, heads, widths))]
         for name, row, line in zip(names, rows, cells, strict=True):
@@ -202,11 +211,11 @@ def overview_page(found: Overview) -> Page:
     rows = found.rows()
     drawings = [_drawing(rows, name, sigma) for name, sigma in kind.drawn]
     sections = [Section("Records", drawings=[d for d in drawings if d is not None])]
-    heads = ["record", *(key.replace("_", " ") for key in kind.forms), "note"]
+    heads = ["record", *map(_words, kind.forms), "note"]
     body = "".join(
         f'<tr><th scope="row">{escape(_short(row["file"]))}</th>'
         + "".join(f"<td>{escape(_cell(row[key], form))}</td>" for key, form in kind.forms.items())
-        + f"<td>{escape(row['note'])}</td></tr>"
+        + f'<td class="words">{escape(row["note"])}</td></tr>'
         for row in rows[:_MOST_ROWS]
     )
     more = len(rows) - _MOST_ROWS
@@ -218,8 +227,8 @@ def overview_page(found: Overview) -> Page:
     )
     head = (
         f"<h1>{escape(found.command)} of many records</h1>"
-        f'<p class="value">{len(rows) - found.failed} <span class="pm">of {len(rows)}</span></p>'
-        f'<p class="sub">{escape(found.headline())}.</p>'
+        f'<p class="value">{len(rows) - found.failed} <span class="pm">of {len(rows)} records have '
+        f'a result</span></p><p class="sub">{escape(_ranges(rows, kind, found.contradicted))}</p>'
     )
     return Page(
         f"{found.command} of {len(rows)} records", head, [*sections, Section("Table", html=table)]
@@ -231,7 +240,7 @@ def _drawing(rows: Sequence[Row], name: str, sigma: str | None) -> Drawing | Non
     known = [(k, row) for k, row in enumerate(rows, 1) if row[name] is not None]
     if not known:
         return None
-    words = name.replace("_", " ")
+    words = _words(name)
     traces: list[Trace] = []
     for good, label, colour in ((True, "consistent", BLUE), (False, "contradicted", ORANGE)):
         own = [(k, row) for k, row in known if row["consistent"] is good]
@@ -247,6 +256,39 @@ def _drawing(rows: Sequence[Row], name: str, sigma: str | None) -> Drawing | Non
             spread = [row[sigma] / 60.0 for _, row in own]
             trace["error_y"] = {"type": "data", "array": spread, "color": colour, "thickness": 1.2}
         traces.append(trace)
-    text = f"{words.capitalize()} of each record" + (", with 1 sigma." if sigma else ".")
+    what, _, unit = words.partition(", ")
+    text = f"{what.capitalize()} of each record, {unit}" + (", with 1 sigma." if sigma else ".")
     layout = plot_layout(360, "record, in the order of the files", words, hovermode="closest")
+    if len(rows) <= _FEW_RECORDS:
+        # Nothing lies between two records.
+        layout["xaxis"].update(dtick=1)
     return Drawing(words, figure_of(traces, layout), text)
+
+
+def _words(key: str) -> str:
+    """Return a column's name in words, its unit behind a comma: ``heading, deg``.
+
+    Examples
+    --------
+    >>> _words("gyro_bias_instability_deg_h"), _words("method")
+    ('gyro bias instability, deg/h', 'method')
+    """
+    for end, unit in _UNITS.items():
+        if key.endswith(end):
+            return f"{key.removesuffix(end).replace('_', ' ')}, {unit}"
+    return key.replace("_", " ")
+
+
+def _ranges(rows: Sequence[Row], kind: _Kind, contradicted: int) -> str:
+    """Return in a sentence between which values the drawn columns lie."""
+    told = [f"{contradicted} contradicted by the record"] if contradicted else []
+    for name, sigma in kind.drawn:
+        for key in (name, sigma):
+            values = [row[key] for row in rows if key is not None and row[key] is not None]
+            if values and key is not None:
+                low, high = (format(v, kind.forms[key]) for v in (min(values), max(values)))
+                words, _, unit = _words(key).partition(", ")
+                told.append(f"{words} from {low} to {high} {unit}" if low != high
+                            else f"{words} {low} {unit}")  # fmt: skip
+    text = "; ".join(told) or "see the notes in the table"
+    return f"{text[0].upper()}{text[1:]}."

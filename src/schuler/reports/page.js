@@ -31,13 +31,102 @@
       return Object.assign({}, trace, { fillcolor: "rgba(" + found[1] + "," + alpha + ")" });
     });
   }
+  // Text as wide as it will be drawn: Plotly's fonts, a title a fifth larger than the marks.
+  const FAMILY = '"Open Sans", verdana, arial, sans-serif';
+  const pen = document.createElement("canvas").getContext("2d");
+  function wide(text, size) {
+    pen.font = size + "px " + FAMILY;
+    return Math.max(...text.split("<br>").map((line) => pen.measureText(line).width));
+  }
+  function wrapped(text, size, room) {
+    let lines = [""];
+    for (const word of text.split(" ")) {
+      const longer = (lines[lines.length - 1] + " " + word).trim();
+      if (lines[lines.length - 1] && wide(longer, size) > room) lines.push(word);
+      else lines[lines.length - 1] = longer;
+    }
+    return lines.join("<br>");
+  }
+  const rows = (text) => text.split("<br>").length;
+  function words(data, letter) {
+    const found = new Set();
+    data.forEach((trace) => {
+      if (Array.isArray(trace[letter])) {
+        trace[letter].forEach((v) => typeof v === "string" && found.add(v));
+      }
+    });
+    return Array.from(found);
+  }
+  const SIDE = 0.42; // of the figure's width, for the names at its left
+  // Break names and titles into lines where the figure is too narrow for them, and make room.
+  function fit(layout, data, width) {
+    const size = (layout.font && layout.font.size) || 12, large = Math.round(1.2 * size);
+    const x = Object.assign({}, layout.xaxis), y = Object.assign({}, layout.yaxis);
+    const margin = Object.assign({}, layout.margin);
+    let height = layout.height, left = margin.l;
+    const names = words(data, "y"), small = (y.tickfont && y.tickfont.size) || size;
+    if (names.length) {
+      const room = SIDE * width;
+      const broken = names.map((name) => wrapped(name, small, room));
+      const most = Math.max(...broken.map(rows));
+      if (most > 1) {
+        Object.assign(y, { tickmode: "array", tickvals: names, ticktext: broken });
+        height = Math.max(height, margin.t + margin.b + names.length * (1.3 * small * most + 6));
+      }
+      left = Math.max(left, Math.max(...broken.map((name) => wide(name, small))) + 12);
+    }
+    const inner = Math.max(60, width - left - margin.r), across = words(data, "x");
+    if (across.length) {
+      const font = (x.tickfont && x.tickfont.size) || size;
+      const upright = x.tickangle === -90;
+      const need = upright ? 1.4 * font : Math.max(...across.map((name) => wide(name, font))) + 8;
+      const step = Math.ceil((need * across.length) / inner);
+      if (upright && step > 1) x.dtick = step;
+    }
+    // A title is centred on its axis: it has room up to the nearer edge, twice.
+    function title(axis, room) {
+      const text = axis.title && axis.title.text;
+      if (!text || wide(text, large) <= room) return 0;
+      axis.title = Object.assign({}, axis.title, { text: wrapped(text, large, room) });
+      return rows(axis.title.text) - 1;
+    }
+    const more = title(x, 2 * Math.min(left + inner / 2, width - left - inner / 2) - 8);
+    margin.b += 1.3 * large * more;
+    height += 1.3 * large * more;
+    // The names of many lines stand in rows above the figure, which is to stay as tall as it is.
+    const shown = data.filter((trace) => trace.name && trace.showlegend !== false);
+    const item = shown.length ? Math.max(...shown.map((t) => wide(t.name, size))) + 45 : 0;
+    if (layout.showlegend !== false && shown.length > 1 && item * shown.length > inner) {
+      const columns = Math.max(1, Math.floor(inner / item));
+      height += 1.5 * size * (Math.ceil(shown.length / columns) - 1);
+    }
+    title(y, layout.height - layout.margin.t - layout.margin.b);
+    return Object.assign({}, layout, { xaxis: x, yaxis: y, margin, height });
+  }
+  // Plotly follows the width of the page by itself; the lines of names and titles do not.
   const config = { responsive: true, displayModeBar: false };
   const figures = [];
+  function laid(target, figure, seen) {
+    return fit(dress(figure.layout, seen), figure.data, target.clientWidth);
+  }
+  // Marks that are said are too few within a part of a decade.
+  function zoomed(target, event) {
+    for (const name of ["xaxis", "yaxis"]) {
+      const axis = target.layout[name];
+      if (!axis || axis.type !== "log" || !axis.tickvals) continue;
+      if (event[name + ".range[0]"] !== undefined && axis.tickmode === "array") {
+        Plotly.relayout(target, { [name + ".tickmode"]: "auto" });
+      } else if (event[name + ".autorange"] && axis.tickmode === "auto") {
+        Plotly.relayout(target, { [name + ".tickmode"]: "array" });
+      }
+    }
+  }
   document.querySelectorAll('script[type="application/json"]').forEach((source) => {
     const target = document.getElementById(source.dataset.for);
     const figure = JSON.parse(source.textContent);
     figures.push([target, figure]);
-    Plotly.newPlot(target, lit(figure.data), dress(figure.layout), config);
+    Plotly.newPlot(target, lit(figure.data), laid(target, figure), config);
+    target.on("plotly_relayout", (event) => zoomed(target, event));
   });
   // Save a figure as a picture, or what it draws as a table.
   function offer(name, content, type) {
@@ -83,10 +172,10 @@
     });
     return rows.map((row) => row.map(cell).join(",")).join("\n") + "\n";
   }
-  const WIDTH = 1000;
+  const WIDTH = 1000, PAPER = 680;
   function picture(figure, type) {
     // Paper is white: a saved figure is read outside of this page.
-    const layout = dress(figure.layout, paper);
+    const layout = fit(dress(figure.layout, paper), figure.data, WIDTH);
     layout.paper_bgcolor = "#fff";
     const size = { format: type, width: WIDTH, height: layout.height, scale: 2 };
     return Plotly.toImage({ data: figure.data, layout: layout }, size);
@@ -113,21 +202,26 @@
   });
   // For tests: what the buttons would save.
   window.schulerFigures = { table, picture, figures };
-  dark.addEventListener("change", () => {
-    figures.forEach(([target, figure]) =>
-      Plotly.react(target, lit(figure.data), dress(figure.layout), config));
+  function redraw() {
+    figures.forEach(([target, figure]) => {
+      const layout = Object.assign(laid(target, figure), { width: null, autosize: true });
+      Plotly.react(target, lit(figure.data), layout, config);
+    });
+  }
+  dark.addEventListener("change", redraw);
+  let seen = window.innerWidth, waiting = 0;
+  window.addEventListener("resize", () => {
+    if (window.innerWidth === seen) return;
+    seen = window.innerWidth;
+    clearTimeout(waiting);
+    waiting = setTimeout(redraw, 200);
   });
   window.addEventListener("beforeprint", () => {
     figures.forEach(([target, figure]) => {
-      const layout = Object.assign(dress(figure.layout, paper), { width: 680 });
-      Plotly.react(target, figure.data, layout, config);
+      const layout = fit(dress(figure.layout, paper), figure.data, PAPER);
+      Plotly.react(target, figure.data, Object.assign(layout, { width: PAPER }), config);
     });
   });
-  window.addEventListener("afterprint", () => {
-    figures.forEach(([target, figure]) => {
-      const layout = Object.assign(dress(figure.layout), { width: null, autosize: true });
-      Plotly.react(target, lit(figure.data), layout, config);
-    });
-  });
+  window.addEventListener("afterprint", redraw);
   document.documentElement.dataset.drawn = String(figures.length);
 })();

@@ -20,6 +20,11 @@ from schuler.reports.figure import Figure, graph_objects
 __all__ = ["Drawing", "Page", "Section", "contradiction_box", "definition_table", "write_page"]
 
 
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+)
+"""What a browser may load: what is in the page, and nothing from a network."""
+
 _LONG = 4
 """Sections from which a page has links to them."""
 
@@ -30,6 +35,9 @@ _FEW_ROWS = 20
 _CELL = re.compile(r"<td>([^<]+)</td>")
 _SHORT = 36
 """Characters of a cell that is not broken: a number with its unit, not a sentence."""
+
+_NAME = re.compile(r'<th scope="row">([^<]{1,16})</th>')
+"""A short name of a row, which is not broken."""
 
 _NUMBER = re.compile(r"(?<![\w.])-?\d[\d.]*e[-+]\d+")
 _SPAN = r'<span class="whole">\g<0></span>'
@@ -109,7 +117,8 @@ def _contents(sections: Sequence[Section]) -> str:
 
 def _tables(html: str) -> str:
     """Return HTML whose tables can be scrolled by themselves, and whose numbers stay whole."""
-    return _CELL.sub(_whole, _TABLE.sub(_framed, html))
+    named = _NAME.sub(r'<th scope="row" class="whole">\1</th>', _TABLE.sub(_framed, html))
+    return _CELL.sub(_whole, named)
 
 
 def _framed(table: re.Match[str]) -> str:
@@ -173,6 +182,7 @@ def write_page(page: Page, path: str | Path) -> None:
         parts.append("</section>")
     text = (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<link rel="icon" href="data:,"><title>{escape(page.title)}</title>'
         f"<style>{style}</style></head><body><header>{page.head_html}{_contents(page.sections)}</header><main>"

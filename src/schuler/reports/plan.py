@@ -36,7 +36,11 @@ def plan_page(plans: Sequence[Plan]) -> Page:
         for k, row in enumerate(best.positions, 1)
     ]
     sections += [
-        Section("The search", drawings=[_search(plans, name)]),
+        *(
+            [Section("The search", drawings=[_search(plans, name)])]
+            if any(len(plan.history) > 1 for plan in plans)
+            else []
+        ),
         Section(
             "The scheme",
             html=definition_table(scheme, "Alpha, beta, gamma") + _scorecard(best),
@@ -125,7 +129,7 @@ def _search(plans: Sequence[Plan], name: str) -> Drawing:
                 hovertemplate="%{x:.1f} s: %{y:.4g}<extra></extra>",
             )
         )  # fmt: skip
-    layout = plot_layout(360, "time, s", f"best {name}", hovermode="closest")
+    layout = plot_layout(360, "time, s", f"best {LABELS[name]}", hovermode="closest")
     caption = "The best value so far; each mark is a round from a start of its own."
     return Drawing("search", figure_of(traces, layout), caption)
 

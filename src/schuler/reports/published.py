@@ -15,6 +15,9 @@ __all__ = ["experiment_page", "experiments_page"]
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE, GREY)
 _DASHES = ("solid", "dash", "dot")
 
+_CLOSE = 0.1
+"""Share of a printed figure within which it counts as met."""
+
 _KEYS = ("printed", "document_method", "best", "limit")
 _HEADS = ("printed", "by its method", "by schuler", "limit")
 
@@ -29,10 +32,10 @@ def _cell(value: float | None) -> str:
 
 def _table(found: Mapping[str, Any]) -> str:
     body = "".join(
-        f"<tr><th scope='row' style='white-space:normal'>{escape(row['quantity'])}</th>"
-        f"<td style='white-space:nowrap'>{escape(row['unit'])}</td>"
-        + "".join(f"<td style='white-space:nowrap'>{_cell(v)}</td>" for v in _values(row))
-        + f"<td style='min-width:15em'>{escape(row['note'])}</td></tr>"
+        f'<tr><th scope="row" class="words">{escape(row["quantity"])}</th>'
+        f"<td>{escape(row['unit'])}</td>"
+        + "".join(f"<td>{_cell(v)}</td>" for v in _values(row))
+        + f'<td class="words">{escape(row["note"])}</td></tr>'
         for row in found["rows"]
     )
     heads = ("quantity", "unit", *_HEADS, "note")
@@ -103,8 +106,6 @@ def _curves(figure: Any) -> Drawing:
             )
         )  # fmt: skip
     layout = plot_layout(400, figure.x, figure.y)
-    layout["margin"] = {**layout["margin"], "b": 110}
-    layout["legend"] = {"orientation": "h", "y": -0.3, "yanchor": "top", "x": 0}
     each = [float(v) for curve in figure.curves for v in curve.x]
     if each and all(v.is_integer() for v in each) and max(each) - min(each) <= 20.0:
         # Numbers of cases or modes: nothing lies between them.
@@ -142,12 +143,22 @@ def experiments_page(experiments: Sequence[Any]) -> Page:
                 [*drawn, *_drawings(name, each)],
             )
         )
-    count = sum(len(each["rows"]) for each in found.values())
+    rows = [row for each in found.values() for row in each["rows"]]
+    printed = [row for row in rows if None not in (row["printed"], row["document_method"])]
+    met = sum(
+        abs(row["document_method"] - row["printed"]) <= _CLOSE * abs(row["printed"])
+        for row in printed
+    )
+    value = (
+        f'{met} of {len(printed)} <span class="pm">printed figures met within '
+        f"{100 * _CLOSE:g} %</span>"
+        if printed else "no figure is printed"
+    )  # fmt: skip
     head = (
         "<h1>Published experiments, redone</h1>"
-        f'<p class="value">{len(found)} <span class="pm">'
-        f"document{'s' if len(found) > 1 else ''}</span></p>"
-        f'<p class="sub">{count} figures: as printed, by the document’s method, by schuler’s best '
-        "method on the same data, and the limit that no method beats</p>"
+        f'<p class="value">{value}</p><p class="sub">by the document’s own method, in '
+        f"{len(found)} document{'s' if len(found) > 1 else ''}. {len(rows)} figures: as printed, "
+        "by the document’s method, by schuler’s best method on the same data, and the limit that "
+        "no method beats.</p>"
     )
     return Page("Published experiments", head, sections)
