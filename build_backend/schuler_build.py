@@ -69,22 +69,29 @@ def build_wheel(
     wheel_directory: str, config_settings: Settings = None, metadata_directory: str | None = None
 ) -> str:
     """Build the wheel, with the machine code of kernels in it."""
-    with _compiled(_options(config_settings)):
+    with _compiled(_options(config_settings), asked="compile" in (config_settings or {})):
         return hatchling.build_wheel(wheel_directory, config_settings, metadata_directory)
 
 
 @contextmanager
-def _compiled(options: list[str] | None) -> Iterator[None]:
-    """Have compiled kernels among the sources meanwhile; a wheel without them is a wheel, too."""
+def _compiled(options: list[str] | None, asked: bool) -> Iterator[None]:
+    """Have compiled kernels among the sources meanwhile.
+
+    A wheel without them is a wheel, too, unless they were asked for.
+    """
     source = Path.cwd() / "src"
     folder = source / "schuler" / "kernels" / "compiled"
     shutil.rmtree(folder, ignore_errors=True)
     try:
         if options is not None:
-            told = os.pathsep.join([str(source), *filter(None, [os.environ.get("PYTHONPATH")])])
             call = [sys.executable, "-m", "schuler.kernels.ahead", *options, "--to", str(folder)]
-            done = subprocess.run(call, env={**os.environ, "PYTHONPATH": told}, check=False)
+            # Found by the working folder: what pip builds in leaves out of PYTHONPATH what an
+            # editable installation has put on the path, which are these sources.
+            unsafe = {key: value for key, value in os.environ.items() if key != "PYTHONSAFEPATH"}
+            done = subprocess.run(call, cwd=source, env=unsafe, check=False)
             if done.returncode:
+                if asked:
+                    raise SystemExit("kernels could not be compiled")
                 shutil.rmtree(folder, ignore_errors=True)
                 sys.stderr.write(
                     "warning: no kernel could be compiled ahead: each is when it is first called\n"
