@@ -13,8 +13,8 @@ from numba.extending import intrinsic, lower_builtin, models, register_model
 from schuler.kernels.lanes import LANES
 
 __all__ = [
-    "abs4", "any_greater4", "first_lanes", "larger4", "load4", "load_row4", "smaller4", "splat4",
-    "store4", "store_row4", "where_greater4",
+    "abs4", "any_at_least4", "any_greater4", "first_lanes", "larger4", "load4", "load_row4",
+    "smaller4", "splat4", "store4", "store_row4", "where_equal4", "where_greater4",
 ]  # fmt: skip
 
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
@@ -186,23 +186,41 @@ def smaller4(typing: Any, a: Any, b: Any) -> Any:
     return _chosen("<")
 
 
-@intrinsic
-def where_greater4(typing: Any, a: Any, b: Any, x: Any, y: Any) -> Any:
-    """Compare two, choose of two others."""
-
+def _chosen_of_others(op: str) -> Any:
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.select(builder.fcmp_ordered(">", args[0], args[1]), args[2], args[3])
+        return builder.select(builder.fcmp_ordered(op, args[0], args[1]), args[2], args[3])
 
     return lanes(lanes, lanes, lanes, lanes), code
 
 
 @intrinsic
-def any_greater4(typing: Any, a: Any, b: Any) -> Any:
-    """Compare, and look at all answers at once."""
+def where_greater4(typing: Any, a: Any, b: Any, x: Any, y: Any) -> Any:
+    """Compare two, choose of two others."""
+    return _chosen_of_others(">")
 
+
+@intrinsic
+def where_equal4(typing: Any, a: Any, b: Any, x: Any, y: Any) -> Any:
+    """Compare two, choose of two others."""
+    return _chosen_of_others("==")
+
+
+def _any(op: str) -> Any:
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        each = builder.fcmp_ordered(">", args[0], args[1])
+        each = builder.fcmp_ordered(op, args[0], args[1])
         bits = builder.bitcast(each, ir.IntType(LANES))
         return builder.icmp_unsigned("!=", bits, ir.Constant(ir.IntType(LANES), 0))
 
     return types.boolean(lanes, lanes), code
+
+
+@intrinsic
+def any_greater4(typing: Any, a: Any, b: Any) -> Any:
+    """Compare, and look at all answers at once."""
+    return _any(">")
+
+
+@intrinsic
+def any_at_least4(typing: Any, a: Any, b: Any) -> Any:
+    """Compare, and look at all answers at once."""
+    return _any(">=")

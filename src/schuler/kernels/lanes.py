@@ -17,8 +17,8 @@ import numpy as np
 from schuler.kernels._jit import _UNCOMPILED, _Compiled
 
 __all__ = [
-    "LANES", "abs4", "any_greater4", "first_lanes", "larger4", "load4", "load_row4", "smaller4",
-    "splat4", "store4", "store_row4", "where_greater4",
+    "LANES", "abs4", "any_at_least4", "any_greater4", "first_lanes", "larger4", "load4",
+    "load_row4", "smaller4", "splat4", "store4", "store_row4", "where_equal4", "where_greater4",
 ]  # fmt: skip
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -114,3 +114,15 @@ def where_greater4(a: Any, b: Any, x: Any, y: Any) -> Any:
 def any_greater4(a: Any, b: Any) -> bool:
     """Say whether a number of a is greater than that of b in its lane."""
     return bool(np.any(a > b))
+
+
+@_instruction
+def where_equal4(a: Any, b: Any, x: Any, y: Any) -> Any:
+    """Return the numbers of x where those of a and b are equal, else those of y."""
+    return np.where(a == b, x, y)
+
+
+@_instruction
+def any_at_least4(a: Any, b: Any) -> bool:
+    """Say whether a number of a is at least that of b in its lane."""
+    return bool(np.any(a >= b))

@@ -58,6 +58,7 @@ _ALPHA = 1.0 / 64.0
 _CLIP = 9.0
 BLOCK = 64
 """Rows that are looked at together."""
+DOUBTFUL, CLEAR, QUIET = 0, 1, 2
 _FADE = (1.0 - _ALPHA) ** BLOCK
 """Part of a variance that is left, at the least, when a block has been learnt from."""
 _SIXTH = 1.0 / 6.0
@@ -273,32 +274,35 @@ def renew(settings, ways, limits):
 
 
 @kernel
-def has_spikes(rows, begin, end, settings, work):
-    """Say whether a row from begin to end - 1 may be a spike, or is no even one.
+def look_over(rows, begin, end, settings, work):
+    """Return whether a row from begin to end - 1 may be a spike, or is no even one (`DOUBTFUL`).
 
-    Limits are those that the settings cannot fall below while the rows are learnt from.
+    Limits are those that the settings cannot fall below while the rows are learnt from. `QUIET`
+    stands for rows of which no residual exceeds the largest so far, `CLEAR` for the others.
 
     Parameters
     ----------
     rows : (n, ROW) float64
     begin, end : int
-        Rows that would be judged, with `REACH` rows beside them on each side.
+        Rows that would be judged; those from `begin` - `REACH` would be learnt from.
     settings : (6, SETTING) float64
     work : (m, >= 4) float64
         Scratch; the first three rows are used.
     """
     for k in range(begin - 2 * REACH, end + REACH):
         if rows[k, 10] != 0.0:
-            return True
+            return DOUBTFUL
+    found = QUIET
+    start = begin - REACH
     sixth = splat4(_SIXTH)
     # Two groups of channels: the last two numbers of the second one are no channels.
     for first in range(0, 8, 4):
         c = 2 + first
         most0 = most1 = most2 = splat4(0.0)
-        a, b, d = load_row4(rows, begin - 3, c), load_row4(rows, begin - 2, c), splat4(0.0)
-        d, x = load_row4(rows, begin - 1, c), load_row4(rows, begin, c)
-        e, f = load_row4(rows, begin + 1, c), load_row4(rows, begin + 2, c)
-        for k in range(begin, end):
+        a, b = load_row4(rows, start - 3, c), load_row4(rows, start - 2, c)
+        d, x = load_row4(rows, start - 1, c), load_row4(rows, start, c)
+        e, f = load_row4(rows, start + 1, c), load_row4(rows, start + 2, c)
+        for k in range(start, end):
             g = load_row4(rows, k + 3, c)
             near = d + e
             far = b + f
@@ -316,13 +320,16 @@ def has_spikes(rows, begin, end, settings, work):
                 limit = max(
                     _FADE * SIGMAS * SIGMAS * settings[j, way], max(seen * seen, least * least)
                 )
-                if work[way, j - first] * work[way, j - first] > limit:
-                    return True
-    return False
+                most = work[way, j - first]
+                if most * most > limit:
+                    return DOUBTFUL
+                if most > settings[j, 3 + way]:
+                    found = CLEAR
+    return found
 
 
 @kernel
-def learn_rows(rows, begin, end, n, settings, work):
+def learn_rows(rows, begin, end, n, settings, quiet, work):
     """Learn from rows that are no spikes, as `update` does from one after the other.
 
     Parameters
@@ -334,6 +341,8 @@ def learn_rows(rows, begin, end, n, settings, work):
         Rows there are.
     settings : (6, SETTING) float64
         Changed.
+    quiet : bool
+        No residual exceeds the largest so far.
     work : (m, >= 32) float64
         Scratch; the first three rows are used.
     """
@@ -354,6 +363,9 @@ def learn_rows(rows, begin, end, n, settings, work):
         rounding = load_row4(work, 0, 24)
         infinite = splat4(np.inf)
         for i in range(begin, end):
+            taken = rows[i, 0] % EVERY == 0.0
+            if quiet and not taken:
+                continue
             a, b, d = (
                 load_row4(rows, i - 3, c),
                 load_row4(rows, i - 2, c),
@@ -366,7 +378,7 @@ def learn_rows(rows, begin, end, n, settings, work):
             r0 = x - 0.5 * near
             r1 = x - sixth * (near + far + a + g)
             r2 = x - sixth * (4.0 * near - far)
-            if rows[i, 0] % EVERY == 0.0:
+            if taken:
                 step = abs4(x - d)
                 rounding = smaller4(where_greater4(step, zero, step, infinite), rounding)
                 # Rounding alone has a twelfth of the squared step.
@@ -375,7 +387,7 @@ def learn_rows(rows, begin, end, n, settings, work):
                 v0 = v0 + _ALPHA * (smaller4(r0 * r0, larger4(_CLIP * v0, least)) - v0)
                 v1 = v1 + _ALPHA * (smaller4(r1 * r1, larger4(_CLIP * v1, least)) - v1)
                 v2 = v2 + _ALPHA * (smaller4(r2 * r2, larger4(_CLIP * v2, least)) - v2)
-            for way in range(3):
+            for way in range(0 if quiet else 3):
                 if way == 0:
                     r, seen = r0, s0
                 elif way == 1:

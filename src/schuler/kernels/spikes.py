@@ -28,21 +28,23 @@ from schuler.kernels.residuals import (
     AHEAD,
     BEYOND,
     BLOCK,
+    DOUBTFUL,
     KEPT,
     LEAST,
     LOCAL,
     ORDINARY,
+    QUIET,
     REACH,
     SETTING,
     SIGMAS,
     best_way,
     calm_near,
-    has_spikes,
     is_ordinary,
     is_uneven,
     learn,
     learn_rows,
     limit_of,
+    look_over,
     median_of,
     renew,
     residual_of,
@@ -264,8 +266,10 @@ def screen(rows, n, begin, first, close, settings, found, work, ways):
     i = begin
     while i < n if close else i + AHEAD < n:
         if _BLOCKS and slow < i and i >= 2 * REACH and i + BLOCK + AHEAD <= n:
-            if not has_spikes(rows, i, i + BLOCK, settings, work):
-                learn_rows(rows, i - REACH, i + BLOCK - REACH, n, settings, work)
+            found_over = look_over(rows, i, i + BLOCK, settings, work)
+            if found_over != DOUBTFUL:
+                quiet = found_over == QUIET
+                learn_rows(rows, i - REACH, i + BLOCK - REACH, n, settings, quiet, work)
                 renew(settings, ways, limits)
                 i += BLOCK
                 continue
