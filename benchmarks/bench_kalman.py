@@ -66,7 +66,7 @@ def our_step() -> tuple[Callable[[int], None], np.ndarray]:
     def loop(count, p, phi, columns, decay, q, h, r, work, flipped, block, lines):  # type: ignore[no-untyped-def]
         x, ph, gain, spare, line = lines[0], lines[1], lines[2], lines[3], lines[4]
         for _ in range(count):
-            move_state(x, phi, decay, line, 9)
+            move_state(x, phi, columns, decay, line, 9)
             predict(p, phi, columns, decay, q, work, flipped, block, 9)
             for m in range(h.shape[0]):
                 variance = r[m] + sparse_product(p, h[m], ph)

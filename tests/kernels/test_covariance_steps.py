@@ -46,7 +46,7 @@ class Filter:
 
     def predict(self, phi, decay, q):
         steps.find_columns(phi, self.columns, self.dynamic)
-        steps.move_state(self.x, phi, decay, self.line, self.dynamic)
+        steps.move_state(self.x, phi, self.columns, decay, self.line, self.dynamic)
         steps.predict(self.p, phi, self.columns, decay, q, *self.scratch, self.dynamic)
 
     def measure(self, z, h, r):

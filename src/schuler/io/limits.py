@@ -32,6 +32,8 @@ STREAM_RATIO = 200
 ROW_BYTES = 64
 
 _SHARE = 0.8
+_SMALL = 1 << 22
+"""Bytes for which free memory is not looked up: that takes longer than to read as many."""
 _CGROUP = Path("/sys/fs/cgroup")
 
 
@@ -106,6 +108,8 @@ def check_size(wanted: int, size: int, what: str) -> None:
             f"{_mega(largest(size))} MB that are taken from it: it is damaged, or made to fill "
             "the memory; if it is right, save it without compression"
         )
+    if wanted <= _SMALL:
+        return
     free = available_memory()
     if wanted > _SHARE * free:
         raise InputError(

@@ -87,9 +87,10 @@ class _Compiled:
             if self._dispatcher is None:
                 import numba
 
+                # Without an array of its own a kernel needs nobody who counts what holds memory.
                 self._dispatcher = numba.njit(
                     error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True,
-                    **self._options,
+                    _nrt=_makes_arrays(self.py_func), **self._options,
                 )(_with_dispatchers(self.py_func))  # fmt: skip
         return self._dispatcher
 

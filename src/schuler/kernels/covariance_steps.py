@@ -8,6 +8,7 @@ padded rows (`schuler.kernels.ins_layout`), and are symmetric to the last bit.
 from __future__ import annotations
 
 from schuler.kernels._jit import kernel
+from schuler.kernels.lanes import first_lanes, load4, load_row4, splat4, store4, store_row4
 
 WIDTH = 12
 """Columns of the dynamic block, padded."""
@@ -36,33 +37,41 @@ def find_columns(phi, columns, dynamic):
 
 @kernel
 def _multiply(phi, columns, m, out, dynamic, width):
-    """Fill out (dynamic, width) with phi m, three rows by four columns at a time."""
+    """Fill out (dynamic, width) with phi m, three rows by eight columns at a time."""
     for b in range(dynamic // 3):
         i = 3 * b
         count = columns[b, 0]
-        for j in range(0, width, 4):
-            a0 = a1 = a2 = a3 = b0 = b1 = b2 = b3 = c0 = c1 = c2 = c3 = 0.0
+        j = 0
+        while j + 8 <= width:
+            a0 = a1 = b0 = b1 = c0 = c1 = splat4(0.0)
             for n in range(1, count + 1):
                 k = columns[b, n]
-                f, g, h = phi[i, k], phi[i + 1, k], phi[i + 2, k]
-                x0, x1, x2, x3 = m[k, j], m[k, j + 1], m[k, j + 2], m[k, j + 3]
-                a0 += f * x0
-                a1 += f * x1
-                a2 += f * x2
-                a3 += f * x3
-                b0 += g * x0
-                b1 += g * x1
-                b2 += g * x2
-                b3 += g * x3
-                c0 += h * x0
-                c1 += h * x1
-                c2 += h * x2
-                c3 += h * x3
-            out[i, j], out[i, j + 1], out[i, j + 2], out[i, j + 3] = a0, a1, a2, a3
-            out[i + 1, j], out[i + 1, j + 1] = b0, b1
-            out[i + 1, j + 2], out[i + 1, j + 3] = b2, b3
-            out[i + 2, j], out[i + 2, j + 1] = c0, c1
-            out[i + 2, j + 2], out[i + 2, j + 3] = c2, c3
+                x0, x1 = load_row4(m, k, j), load_row4(m, k, j + 4)
+                f, g, h = splat4(phi[i, k]), splat4(phi[i + 1, k]), splat4(phi[i + 2, k])
+                a0 = a0 + f * x0
+                a1 = a1 + f * x1
+                b0 = b0 + g * x0
+                b1 = b1 + g * x1
+                c0 = c0 + h * x0
+                c1 = c1 + h * x1
+            store_row4(out, i, j, a0)
+            store_row4(out, i, j + 4, a1)
+            store_row4(out, i + 1, j, b0)
+            store_row4(out, i + 1, j + 4, b1)
+            store_row4(out, i + 2, j, c0)
+            store_row4(out, i + 2, j + 4, c1)
+            j += 8
+        if j < width:
+            a0 = b0 = c0 = splat4(0.0)
+            for n in range(1, count + 1):
+                k = columns[b, n]
+                x0 = load_row4(m, k, j)
+                a0 = a0 + phi[i, k] * x0
+                b0 = b0 + phi[i + 1, k] * x0
+                c0 = c0 + phi[i + 2, k] * x0
+            store_row4(out, i, j, a0)
+            store_row4(out, i + 1, j, b0)
+            store_row4(out, i + 2, j, c0)
 
 
 @kernel
@@ -90,18 +99,23 @@ def predict(p, phi, columns, decay, noise, work, flipped, block, dynamic):
         for k in range(size):
             flipped[k, i] = work[i, k]
     _multiply(phi, columns, flipped, block, dynamic, WIDTH)
+    # Four columns at a time begin left of the dynamic states: what they overwrite comes after.
+    start = dynamic - dynamic % 4
+    for i in range(dynamic, size):
+        a = decay[i]
+        for j in range(start, size, 4):
+            store_row4(p, i, j, load_row4(p, i, j) * (a * load4(decay, j)))
+        for j in range(0, start, 4):
+            store_row4(p, i, j, load_row4(flipped, i, j) * a)
+        for j in range(start, dynamic):
+            p[i, j] = flipped[i, j] * a
+    for i in range(dynamic):
+        for j in range(start, size, 4):
+            store_row4(p, i, j, load_row4(work, i, j) * load4(decay, j))
     for i in range(dynamic):
         for j in range(i, dynamic):
             p[i, j] = block[i, j]
             p[j, i] = block[i, j]
-        for j in range(dynamic, size):
-            a = work[i, j] * decay[j]
-            p[i, j] = a
-            p[j, i] = a
-    for i in range(dynamic, size):
-        a = decay[i]
-        for j in range(dynamic, size):
-            p[i, j] *= a * decay[j]
     for i in range(size):
         p[i, i] += noise[i]
 
@@ -121,15 +135,18 @@ def chain_transition(chain, phi, columns, decay, work, dynamic):
 
 
 @kernel
-def move_state(x, phi, decay, line, dynamic):
+def move_state(x, phi, columns, decay, line, dynamic):
     """Turn the error state x (size,) into Phi x; line (size,) is a scratch array."""
-    size = x.shape[0]
-    for i in range(dynamic):
-        total = 0.0
-        for k in range(size):
-            total += phi[i, k] * x[k]
-        line[i] = total
-    for i in range(dynamic, size):
+    for b in range(dynamic // 3):
+        i = 3 * b
+        t0 = t1 = t2 = 0.0
+        for n in range(1, columns[b, 0] + 1):
+            k = columns[b, n]
+            t0 += phi[i, k] * x[k]
+            t1 += phi[i + 1, k] * x[k]
+            t2 += phi[i + 2, k] * x[k]
+        line[i], line[i + 1], line[i + 2] = t0, t1, t2
+    for i in range(dynamic, x.shape[0]):
         x[i] *= decay[i]
     for i in range(dynamic):
         x[i] = line[i]
@@ -139,13 +156,13 @@ def move_state(x, phi, decay, line, dynamic):
 def sparse_product(p, h, ph):
     """Fill ph (size,) with P h for a row h (size,) of few numbers; return h P h."""
     size = p.shape[0]
-    for i in range(size):
-        ph[i] = 0.0
+    for j in range(0, size, 4):
+        store4(ph, j, splat4(0.0))
     for k in range(size):
         a = h[k]
         if a != 0.0:
-            for i in range(size):
-                ph[i] += a * p[k, i]
+            for j in range(0, size, 4):
+                store4(ph, j, load4(ph, j) + a * load_row4(p, k, j))
     total = 0.0
     for k in range(size):
         total += h[k] * ph[k]
@@ -160,20 +177,49 @@ def apply_gain(p, h, ph, gain, r, spare):
     (Joseph's form; Bucy and Joseph, 1968).
     """
     size = p.shape[0]
-    for i in range(size):
-        spare[i] = -r * gain[i]
+    for j in range(0, size, 4):
+        store4(spare, j, -r * load4(gain, j))
     for k in range(size):
         a = h[k]
         if a != 0.0:
-            for i in range(size):
-                spare[i] += a * (p[k, i] - gain[i] * ph[k])
-    for i in range(size):
-        a, b, c = gain[i], spare[i], ph[i]
+            c = ph[k]
+            for j in range(0, size, 4):
+                left = load_row4(p, k, j) - load4(gain, j) * c
+                store4(spare, j, load4(spare, j) + a * left)
+    for i in range(0, size, 4):
+        a0, a1, a2, a3 = (splat4(gain[i]), splat4(gain[i + 1]), splat4(gain[i + 2]),
+                          splat4(gain[i + 3]))  # fmt: skip
+        b0, b1, b2, b3 = (splat4(spare[i]), splat4(spare[i + 1]), splat4(spare[i + 2]),
+                          splat4(spare[i + 3]))  # fmt: skip
+        c0, c1, c2, c3 = splat4(ph[i]), splat4(ph[i + 1]), splat4(ph[i + 2]), splat4(ph[i + 3])
         # Left of the diagonal the numbers of the column: the same products, the same sum.
-        for j in range(size):
-            right = (p[i, j] - a * ph[j]) - b * gain[j]
-            left = (p[i, j] - gain[j] * c) - spare[j] * a
-            p[i, j] = left if j < i else right
+        for j in range(0, i, 4):
+            x, y = load4(gain, j), load4(spare, j)
+            p0 = (load_row4(p, i, j) - x * c0) - y * a0
+            p1 = (load_row4(p, i + 1, j) - x * c1) - y * a1
+            p2 = (load_row4(p, i + 2, j) - x * c2) - y * a2
+            p3 = (load_row4(p, i + 3, j) - x * c3) - y * a3
+            store_row4(p, i, j, p0)
+            store_row4(p, i + 1, j, p1)
+            store_row4(p, i + 2, j, p2)
+            store_row4(p, i + 3, j, p3)
+        x, y, z = load4(gain, i), load4(spare, i), load4(ph, i)
+        p0, p1, p2, p3 = (load_row4(p, i, i), load_row4(p, i + 1, i), load_row4(p, i + 2, i),
+                          load_row4(p, i + 3, i))  # fmt: skip
+        store_row4(p, i, i, (p0 - a0 * z) - b0 * x)
+        store_row4(p, i + 1, i, first_lanes(1, (p1 - x * c1) - y * a1, (p1 - a1 * z) - b1 * x))
+        store_row4(p, i + 2, i, first_lanes(2, (p2 - x * c2) - y * a2, (p2 - a2 * z) - b2 * x))
+        store_row4(p, i + 3, i, first_lanes(3, (p3 - x * c3) - y * a3, (p3 - a3 * z) - b3 * x))
+        for j in range(i + 4, size, 4):
+            x, z = load4(gain, j), load4(ph, j)
+            p0 = (load_row4(p, i, j) - a0 * z) - b0 * x
+            p1 = (load_row4(p, i + 1, j) - a1 * z) - b1 * x
+            p2 = (load_row4(p, i + 2, j) - a2 * z) - b2 * x
+            p3 = (load_row4(p, i + 3, j) - a3 * z) - b3 * x
+            store_row4(p, i, j, p0)
+            store_row4(p, i + 1, j, p1)
+            store_row4(p, i + 2, j, p2)
+            store_row4(p, i + 3, j, p3)
 
 
 @kernel

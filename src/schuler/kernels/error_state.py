@@ -44,7 +44,7 @@ def predict_step(
     if flexure >= 0:
         # What is not on the transition's diagonal goes before; nothing else depends on it.
         couple_flexure(x, p, parts, chain, flexure, t, fade[flexure])
-    move_state(x, transition, decay, line, dynamic)
+    move_state(x, transition, columns, decay, line, dynamic)
     for i in range(size):
         line[i] = walk[i] * t + bound[i] * (1.0 - decay[i] * decay[i])
         if fade[i] != 0.0 and sign[i] != 0.0:

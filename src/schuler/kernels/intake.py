@@ -10,10 +10,24 @@ import math
 
 from schuler.kernels._jit import helper, kernel
 from schuler.kernels.gaps import FILLED, HISTORY, SHORT, bridge, fill
+from schuler.kernels.lanes import (
+    abs4,
+    any_at_least4,
+    larger4,
+    load_row4,
+    splat4,
+    store_row4,
+    where_equal4,
+)
 from schuler.kernels.states import LARGEST, IntakeRow, IntakeState
 
 ROW = IntakeRow.size
 STATE_SIZE = IntakeState.size
+
+_LOOKED_AT = (94, 36, 54, 30, 42, 48, 60, 66)
+"""Where the state keeps of each channel: last value, run, longest run, largest size, the longest
+run there and its rows, sum, sum of squares."""
+_LOOKS = 8
 
 OK, BACKWARD, REPEATED, GAP, BAD_TIME, OVERLAP, TOO_LARGE = 0, 1, 2, 3, 4, 5, 6
 RATES, MEAN_RATES, INCREMENTS = 0, 1, 2
@@ -113,7 +127,7 @@ def check(state, nominal, max_gap, t, x, out, steps=None):
 
 
 @kernel
-def look(state, rows, begin, end):
+def look(state, rows, begin, end, work):
     """Count what the channels look like: extremes, runs, sums.
 
     Parameters
@@ -122,6 +136,8 @@ def look(state, rows, begin, end):
     rows : (n, ROW) float64
     begin, end : int
         Rows to look at.
+    work : (>= 8, >= 4) float64
+        Scratch.
     """
     if begin == end:
         return
@@ -147,29 +163,53 @@ def look(state, rows, begin, end):
             total += math.sqrt(d * d + e * e + f * f)
         state[k], state[k + 1], state[k + 2], state[k + 3] = run, changes, shortest, longest
         state[76 + part] = total
-    for j in range(6):
-        before, run, most = state[94 + j], state[36 + j], state[54 + j]
-        largest, at_largest, rows_there = state[30 + j], state[42 + j], state[48 + j]
-        total, squares = state[60 + j], state[66 + j]
+    # Four channels at a time; the last two numbers of the second group are no channels.
+    one = splat4(1.0)
+    for group in range(0, 8, 4):
+        c = 2 + group
+        channels = min(4, 6 - group)
+        for k in range(4):
+            for what in range(_LOOKS):
+                there = k < channels
+                work[what, k] = state[_LOOKED_AT[what] + group + k] if there else 0.0
+            if k >= channels:
+                # Of what is no channel nothing is the largest.
+                work[3, k] = math.inf
+        before, run, most = load_row4(work, 0, 0), load_row4(work, 1, 0), load_row4(work, 2, 0)
+        largest, total, squares = (
+            load_row4(work, 3, 0),
+            load_row4(work, 6, 0),
+            load_row4(work, 7, 0),
+        )
         for i in range(begin, end):
-            v = rows[i, 2 + j]
-            a = abs(v)
-            run = run + 1.0 if v == before and not (first and i == begin) else 1.0
+            v = load_row4(rows, i, c)
+            a = abs4(v)
+            run = where_equal4(v, before, run + one, one) if not (first and i == begin) else one
             before = v
-            most = max(most, run)
-            if a > largest:
-                largest, at_largest, rows_there = a, run, 0.0
-            elif a == largest:
-                at_largest = max(at_largest, run)
-                if run == 3.0:
-                    rows_there += 3.0
-                elif run > 3.0:
-                    rows_there += 1.0
-            total += v
-            squares += v * v
-        state[94 + j], state[36 + j], state[54 + j] = before, run, most
-        state[30 + j], state[42 + j], state[48 + j] = largest, at_largest, rows_there
-        state[60 + j], state[66 + j] = total, squares
+            most = larger4(run, most)
+            if any_at_least4(a, largest):
+                store_row4(work, 1, 0, run)
+                for k in range(channels):
+                    size, length = abs(rows[i, c + k]), work[1, k]
+                    if size > work[3, k]:
+                        work[3, k], work[4, k], work[5, k] = size, length, 0.0
+                    elif size == work[3, k]:
+                        work[4, k] = max(work[4, k], length)
+                        if length == 3.0:
+                            work[5, k] += 3.0
+                        elif length > 3.0:
+                            work[5, k] += 1.0
+                largest = load_row4(work, 3, 0)
+            total = total + v
+            squares = squares + v * v
+        store_row4(work, 0, 0, before)
+        store_row4(work, 1, 0, run)
+        store_row4(work, 2, 0, most)
+        store_row4(work, 6, 0, total)
+        store_row4(work, 7, 0, squares)
+        for k in range(channels):
+            for what in range(_LOOKS):
+                state[_LOOKED_AT[what] + group + k] = work[what, k]
 
 
 @helper
@@ -319,7 +359,7 @@ def integrate(
             stop = i + 1
             while stop < end and rows[stop, 9] == 0.0:
                 stop += 1
-            look(state, rows, i, stop)
+            look(state, rows, i, stop, work)
             m = _plain(state, history, kind, m, rows, i, stop, out_t, out_dt, turn, push, values)
             i = stop
             continue
@@ -366,11 +406,11 @@ def integrate(
                     _store(turn, push, slot, j, value)
                 state[2] = 0.0
                 state[101] += lost
-                look(state, rows, i, i + 1)
+                look(state, rows, i, i + 1, work)
                 i += 1
                 continue
             state[101] += lost
-        look(state, rows, i, i + 1)
+        look(state, rows, i, i + 1, work)
         m = _put(state, history, kind, m, ti, dt, step, rows, i, out_t, out_dt, turn, push, values)
         i += 1
     return m, end

@@ -13,7 +13,19 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from schuler.kernels._jit import helper, kernel
+from schuler.kernels.lanes import (
+    abs4,
+    any_greater4,
+    larger4,
+    load_row4,
+    smaller4,
+    splat4,
+    store_row4,
+    where_greater4,
+)
 
 SETTING = 8
 
@@ -44,6 +56,11 @@ EVERY = 4.0
 
 _ALPHA = 1.0 / 64.0
 _CLIP = 9.0
+BLOCK = 64
+"""Rows that are looked at together."""
+DOUBTFUL, CLEAR, QUIET = 0, 1, 2
+_FADE = (1.0 - _ALPHA) ** BLOCK
+"""Part of a variance that is left, at the least, when a block has been learnt from."""
 _SIXTH = 1.0 / 6.0
 
 
@@ -107,8 +124,12 @@ def calm_near(rows, setting, i, n, c, limit):
 def stands_alone(rows, setting, i, n, c, r):
     """Say whether a residual stands alone: with the value replaced, all is calm near by."""
     value = rows[i, c]
+    limit = abs(r) / ALIKE
     rows[i, c] = value - r
-    calm = calm_near(rows, setting, i, n, c, abs(r) / ALIKE)
+    # The row itself first: while the base is shaken, an interpolation that is not the best is off
+    # by as much in each row.
+    calm = abs(residual_of(rows, i, c, best_way(setting, i, n, 2))) <= limit
+    calm = calm and calm_near(rows, setting, i, n, c, limit)
     rows[i, c] = value
     return calm
 
@@ -253,49 +274,156 @@ def renew(settings, ways, limits):
 
 
 @kernel
-def pass_over(rows, begin, end, settings):
-    """Learn from ordinary rows at once; say false, with nothing changed, where one is not.
+def look_over(rows, begin, end, settings, work):
+    """Return whether a row from begin to end - 1 may be a spike, or is no even one (`DOUBTFUL`).
 
-    Where no residual exceeds the largest so far there is no spike and no largest to renew.
+    Limits are those that the settings cannot fall below while the rows are learnt from. `QUIET`
+    stands for rows of which no residual exceeds the largest so far, `CLEAR` for the others.
 
     Parameters
     ----------
     rows : (n, ROW) float64
     begin, end : int
-        Rows that would be judged; as many before them, `REACH` back, would be learnt from.
+        Rows that would be judged; those from `begin` - `REACH` would be learnt from.
     settings : (6, SETTING) float64
+    work : (m, >= 4) float64
+        Scratch; the first three rows are used.
     """
     for k in range(begin - 2 * REACH, end + REACH):
         if rows[k, 10] != 0.0:
-            return False
-    for j in range(6):
-        c = 2 + j
-        most0, most1, most2 = 0.0, 0.0, 0.0
-        a, b, d = rows[begin - 6, c], rows[begin - 5, c], rows[begin - 4, c]
-        x = rows[begin - 3, c]
-        e, f = rows[begin - 2, c], rows[begin - 1, c]
-        for k in range(begin - REACH, end):
-            g = rows[k + 3, c]
+            return DOUBTFUL
+    found = QUIET
+    start = begin - REACH
+    sixth = splat4(_SIXTH)
+    # Two groups of channels: the last two numbers of the second one are no channels.
+    for first in range(0, 8, 4):
+        c = 2 + first
+        most0 = most1 = most2 = splat4(0.0)
+        a, b = load_row4(rows, start - 3, c), load_row4(rows, start - 2, c)
+        d, x = load_row4(rows, start - 1, c), load_row4(rows, start, c)
+        e, f = load_row4(rows, start + 1, c), load_row4(rows, start + 2, c)
+        for k in range(start, end):
+            g = load_row4(rows, k + 3, c)
             near = d + e
             far = b + f
-            most0 = max(most0, abs(x - 0.5 * near))
-            most1 = max(most1, abs(x - _SIXTH * (near + far + a + g)))
-            most2 = max(most2, abs(x - _SIXTH * (4.0 * near - far)))
+            most0 = larger4(abs4(x - 0.5 * near), most0)
+            most1 = larger4(abs4(x - sixth * (near + far + a + g)), most1)
+            most2 = larger4(abs4(x - sixth * (4.0 * near - far)), most2)
             a, b, d, x, e, f = b, d, x, e, f, g
-        if most0 > settings[j, 3] or most1 > settings[j, 4] or most2 > settings[j, 5]:
-            return False
-    for i in range(begin - REACH, end - REACH):
-        if rows[i, 0] % EVERY != 0.0:
-            continue
-        for j in range(6):
-            c = 2 + j
-            near = rows[i - 1, c] + rows[i + 1, c]
-            far = rows[i - 2, c] + rows[i + 2, c]
-            r0 = rows[i, c] - 0.5 * near
-            r1 = rows[i, c] - _SIXTH * (near + far + rows[i - 3, c] + rows[i + 3, c])
-            r2 = rows[i, c] - _SIXTH * (4.0 * near - far)
-            take_in(rows, i, settings, j, r0, r1, r2)
-    return True
+        store_row4(work, 0, 0, most0)
+        store_row4(work, 1, 0, most1)
+        store_row4(work, 2, 0, most2)
+        for j in range(first, min(first + 4, 6)):
+            for way in range(3):
+                seen = BEYOND * settings[j, 3 + way]
+                least = settings[j, 7]
+                limit = max(
+                    _FADE * SIGMAS * SIGMAS * settings[j, way], max(seen * seen, least * least)
+                )
+                most = work[way, j - first]
+                if most * most > limit:
+                    return DOUBTFUL
+                if most > settings[j, 3 + way]:
+                    found = CLEAR
+    return found
+
+
+@kernel
+def learn_rows(rows, begin, end, n, settings, quiet, work):
+    """Learn from rows that are no spikes, as `update` does from one after the other.
+
+    Parameters
+    ----------
+    rows : (n, ROW) float64
+    begin, end : int
+        Rows to learn from.
+    n : int
+        Rows there are.
+    settings : (6, SETTING) float64
+        Changed.
+    quiet : bool
+        No residual exceeds the largest so far.
+    work : (m, >= 32) float64
+        Scratch; the first three rows are used.
+    """
+    sixth, zero = splat4(_SIXTH), splat4(0.0)
+    for first in range(0, 8, 4):
+        c = 2 + first
+        channels = min(4, 6 - first)
+        for k in range(4):
+            for what in range(7):
+                # Of what is no channel nothing is ever too large.
+                none = 0.0 if what < 3 else np.inf
+                work[0, 4 * what + k] = settings[first + k, what] if k < channels else none
+            # Where no two values have differed yet, any step is smaller.
+            if work[0, 24 + k] == 0.0:
+                work[0, 24 + k] = np.inf
+        v0, v1, v2 = load_row4(work, 0, 0), load_row4(work, 0, 4), load_row4(work, 0, 8)
+        s0, s1, s2 = load_row4(work, 0, 12), load_row4(work, 0, 16), load_row4(work, 0, 20)
+        rounding = load_row4(work, 0, 24)
+        infinite = splat4(np.inf)
+        for i in range(begin, end):
+            taken = rows[i, 0] % EVERY == 0.0
+            if quiet and not taken:
+                continue
+            a, b, d = (
+                load_row4(rows, i - 3, c),
+                load_row4(rows, i - 2, c),
+                load_row4(rows, i - 1, c),
+            )
+            x, e = load_row4(rows, i, c), load_row4(rows, i + 1, c)
+            f, g = load_row4(rows, i + 2, c), load_row4(rows, i + 3, c)
+            near = d + e
+            far = b + f
+            r0 = x - 0.5 * near
+            r1 = x - sixth * (near + far + a + g)
+            r2 = x - sixth * (4.0 * near - far)
+            if taken:
+                step = abs4(x - d)
+                rounding = smaller4(where_greater4(step, zero, step, infinite), rounding)
+                # Rounding alone has a twelfth of the squared step.
+                known = where_greater4(infinite, rounding, rounding, zero)
+                least = known * known * (_CLIP / 12.0)
+                v0 = v0 + _ALPHA * (smaller4(r0 * r0, larger4(_CLIP * v0, least)) - v0)
+                v1 = v1 + _ALPHA * (smaller4(r1 * r1, larger4(_CLIP * v1, least)) - v1)
+                v2 = v2 + _ALPHA * (smaller4(r2 * r2, larger4(_CLIP * v2, least)) - v2)
+            for way in range(0 if quiet else 3):
+                if way == 0:
+                    r, seen = r0, s0
+                elif way == 1:
+                    r, seen = r1, s1
+                else:
+                    r, seen = r2, s2
+                size = abs4(r)
+                if not any_greater4(size, seen):
+                    continue
+                # What `stands_alone` would find first, but for the last digits.
+                left = abs4(where_greater4(v0, v2, r2, r0) - r)
+                most = where_greater4(size, seen, (1.0 + 1e-6) / ALIKE * size, zero - 1.0)
+                if not any_greater4(most, left):
+                    continue
+                store_row4(work, 1, 0, size)
+                store_row4(work, 2, 0, r)
+                store_row4(work, 0, 0, v0)
+                store_row4(work, 0, 4, v1)
+                store_row4(work, 0, 8, v2)
+                for k in range(channels):
+                    j = first + k
+                    if work[1, k] > settings[j, 3 + way]:
+                        for what in range(3):
+                            settings[j, what] = work[0, 4 * what + k]
+                        if stands_alone(rows, settings[j], i, n, 2 + j, work[2, k]):
+                            settings[j, 3 + way] = work[1, k]
+                            work[0, 12 + 4 * way + k] = work[1, k]
+                s0, s1, s2 = load_row4(work, 0, 12), load_row4(work, 0, 16), load_row4(work, 0, 20)
+        store_row4(work, 0, 0, v0)
+        store_row4(work, 0, 4, v1)
+        store_row4(work, 0, 8, v2)
+        store_row4(work, 0, 24, where_greater4(infinite, rounding, rounding, zero))
+        for k in range(channels):
+            for what in range(3):
+                settings[first + k, what] = work[0, 4 * what + k]
+            settings[first + k, 6] = work[0, 24 + k]
 
 
 @kernel

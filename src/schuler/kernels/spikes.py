@@ -23,14 +23,17 @@ import math
 
 import numpy as np
 
-from schuler.kernels._jit import kernel
+from schuler.kernels._jit import _UNCOMPILED, kernel
 from schuler.kernels.residuals import (
     AHEAD,
     BEYOND,
+    BLOCK,
+    DOUBTFUL,
     KEPT,
     LEAST,
     LOCAL,
     ORDINARY,
+    QUIET,
     REACH,
     SETTING,
     SIGMAS,
@@ -39,9 +42,10 @@ from schuler.kernels.residuals import (
     is_ordinary,
     is_uneven,
     learn,
+    learn_rows,
     limit_of,
+    look_over,
     median_of,
-    pass_over,
     renew,
     residual_of,
     set_smallest,
@@ -54,8 +58,8 @@ __all__ = [
 
 FAR = 30.0
 
-_BLOCK = 64
-"""Rows that are passed over at once where all are ordinary."""
+_BLOCKS = not _UNCOMPILED
+"""Whether blocks of rows are looked at together; as Python they take longer than their rows."""
 
 _FORETOLD, _SPREAD, _WANTED, _CALM, _LIMITS, _SIZES = range(6)
 WORK = (6, KEPT)
@@ -261,13 +265,16 @@ def screen(rows, n, begin, first, close, settings, found, work, ways):
     slow = -1
     i = begin
     while i < n if close else i + AHEAD < n:
-        if slow < i and i >= 2 * REACH and i + _BLOCK + AHEAD <= n:
-            if pass_over(rows, i, i + _BLOCK, settings):
+        if _BLOCKS and slow < i and i >= 2 * REACH and i + BLOCK + AHEAD <= n:
+            found_over = look_over(rows, i, i + BLOCK, settings, work)
+            if found_over != DOUBTFUL:
+                quiet = found_over == QUIET
+                learn_rows(rows, i - REACH, i + BLOCK - REACH, n, settings, quiet, work)
                 renew(settings, ways, limits)
-                i += _BLOCK
+                i += BLOCK
                 continue
             # Row by row from here to the block's end.
-            slow = i + _BLOCK - 1
+            slow = i + BLOCK - 1
         if i == 0:
             spikes = _judge_edge(rows, n, i, min(first, KEPT), settings, found, spikes, work)
         if close and not ended and i + AHEAD >= n:

@@ -21,8 +21,10 @@ from numpy.typing import NDArray
 
 from schuler.alignment.history import History, inertial_to_local
 from schuler.alignment.stationary.inertial import Residual, Weights
+from schuler.alignment.stationary.series_noise import rounded_lengths
 from schuler.alignment.stationary.uncertainty import Responses, part_covariance
 from schuler.earth import Site
+from schuler.kernels.levels import AXES, PAD, weigh_levels
 from schuler.sensors import ImuSpec
 
 __all__ = [
@@ -104,9 +106,18 @@ def velocity_powers(
 def _powers(
     velocity: Array, dt: Array, interval: float, gravity: float, spec: ImuSpec | None
 ) -> tuple[Array, Array, Array]:
+    modes, shapes, known = _velocity_shapes(rounded_lengths(dt), round(interval, 12), gravity, spec)
+    return np.sum((modes.T @ velocity) ** 2, axis=1), shapes, known
+
+
+@lru_cache(maxsize=16)
+def _velocity_shapes(
+    lengths: bytes, interval: float, gravity: float, spec: ImuSpec | None
+) -> tuple[Array, Array, Array]:
+    """Return modes, shapes and known part of `velocity_powers` for lengths of stretches."""
+    dt = np.frombuffer(lengths)
     m = len(dt)
     modes = _modes(m, min(LAST_MODE, m // 2))
-    power = np.sum((modes.T @ velocity) ** 2, axis=1)
     force, rate = _integrals(modes, dt, gravity)
     step = dt[:, None]
     # A bounded displacement is in the mean velocity over a stretch with its change there.
@@ -119,14 +130,15 @@ def _powers(
             (rate**2 * step).sum(axis=0),
         ]
     )
-    known = np.zeros(len(power))
+    known = np.zeros(modes.shape[1])
     if spec is not None:
         for part, response in ((spec.accelerometer, force), (spec.gyro, rate)):
             # Biases stay out: their residual lies in the modes that are left out.
             noise = replace(part, bias=0.0)
             for cov in part_covariance(noise, response[:, :, None], dt, interval).values():
                 known += np.diag(cov)
-    return power, shapes, known
+    shapes.flags.writeable = known.flags.writeable = False
+    return modes, shapes, known
 
 
 def noise_ratio(res: Residual, gravity: float, spec: ImuSpec) -> float | None:
@@ -175,13 +187,22 @@ def angle_powers(angle: Array, dt: Array, noise: Array) -> tuple[Array, Array, A
     noise : (m, m) float64
         Covariance that the gyros' noise makes.
     """
-    m = len(angle)
+    modes, shapes = _angle_shapes(rounded_lengths(dt))
+    known = np.sum(modes * (noise @ modes), axis=0)
+    return (modes.T @ angle) ** 2, shapes, known
+
+
+@lru_cache(maxsize=16)
+def _angle_shapes(lengths: bytes) -> tuple[Array, Array]:
+    """Return modes and shapes of `angle_powers` for lengths of stretches."""
+    dt = np.frombuffer(lengths)
+    m = len(dt)
     modes = _modes(m, min(LAST_MODE, m // 2), 2)
     once, _ = _integrals(modes, dt, 1.0)
     step = dt[:, None]
     shapes = np.stack([(modes**2 / step).sum(axis=0), (once**2 * step).sum(axis=0)])
-    known = np.sum(modes * (noise @ modes), axis=0)
-    return (modes.T @ angle) ** 2, shapes, known
+    shapes.flags.writeable = False
+    return modes, shapes
 
 
 def _at_points(w: Weights, instants: Array) -> Array:
@@ -337,40 +358,35 @@ def posterior(
         Degrees of freedom of a power.
     """
     share = power / freedom
-    axes = [prior.levels(share, shape) for prior, shape in zip(priors, shapes, strict=True)]
     nothing = np.zeros(len(shapes))
-    if not all(np.all(axis > 0) for axis in axes):
+    # About one, whatever the unit: the kernel multiplies variances.
+    unit = float(share.mean())
+    tried = [prior.levels(share, shape) for prior, shape in zip(priors, shapes, strict=True)]
+    if not all(np.all(axis > 0) for axis in tried):
         return Levels(nothing, nothing)
-    grid = np.stack([a.ravel() for a in np.meshgrid(*axes)])
-
-    def fit(level: Array) -> Array:
-        part = share[:, None] / level
-        return np.asarray(-0.5 * freedom * (part.sum(axis=0) + _sum_of_logs(level)))
-
-    log = fit(shapes.T @ grid + known[:, None])
-    best = float(log.max())
-    weight = np.exp(log - best)
-    mean = grid @ weight / weight.sum()
+    axes = np.zeros((AXES, max(map(len, tried))))
+    counts = np.ones(AXES, np.int64)
+    modes = len(share)
+    every = np.zeros((AXES, -(-modes // PAD) * PAD))
+    of_share, of_known = np.zeros(every.shape[1]), np.ones(every.shape[1])
+    of_share[:modes], of_known[:modes] = share / unit, known / unit
+    for k, axis in enumerate(tried, AXES - len(tried)):
+        axes[k, : len(axis)], counts[k] = axis, len(axis)
+    every[AXES - len(tried) :, :modes] = shapes / unit
+    out = np.zeros(2 + AXES)
+    out[0] = freedom
+    points = int(counts.prod())
+    weigh_levels(
+        of_share, every, of_known, axes, counts, np.empty_like(every), np.empty(points), out
+    )
+    shift = 0.5 * freedom * modes * np.log(unit)
+    best, mean = float(out[0] - shift), out[2 + AXES - len(tried) :].copy()
     if not np.all(known > 0):
         return Levels(mean, mean, best)
-    odds = np.exp(min(float(fit(known[:, None])[0]) - best, 700.0)) / weight.mean()
+    alone = -0.5 * freedom * float(np.sum(share / known + np.log(known)))
+    odds = np.exp(min(alone - best, 700.0)) / (out[1] / points)
     mean = mean / (1.0 + odds)
     return Levels(mean, nothing if odds > 1.0 else mean, best)
-
-
-def _sum_of_logs(level: Array) -> Array:
-    """Return the sum over the first axis of the logarithms.
-
-    A logarithm takes longer than all the rest: there is one to a product of few levels, in parts of
-    those in the middle, which no level that is tried takes out of the range of numbers.
-    """
-    middle = level[:, level.shape[1] // 2]
-    part = level / middle[:, None]
-    products = [part[k : k + _FACTORS].prod(axis=0) for k in range(0, len(part), _FACTORS)]
-    return np.asarray(np.log(products).sum(axis=0) + np.log(middle).sum())
-
-
-_FACTORS = 16
 
 
 def velocity_levels(found: tuple[Array, Array, Array] | None, specified: bool) -> Levels:

@@ -7,32 +7,25 @@ attitude; both linear in the unknowns of `schuler.alignment.stationary.gains`.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.alignment.history import History, Rows, gravity_direction
 from schuler.alignment.stationary.disturbance import TURN_PRIORS, Levels, angle_powers, posterior
-from schuler.alignment.stationary.uncertainty import part_covariance
+from schuler.alignment.stationary.series_noise import specified_noise, white_noise
 from schuler.attitude import multiply, nearest_quat, quat_to_rotvec, skew
-from schuler.constants import DEG, MICRO_G
+from schuler.constants import DEG
 from schuler.earth import Site
 from schuler.kernels.states import TrackerNode
-from schuler.sensors import AccelerometerSpec, GyroSpec, ImuSpec
+from schuler.sensors import ImuSpec
 
 __all__ = ["Series", "make_series", "turns_from_middle", "with_tests"]
 
 Array = NDArray[np.float64]
 
-PARTS = 4
-"""Parts of a stretch in which its noise is looked at."""
-
 LARGEST = 0.05
 """Turn of the base (rad) within a dwell beyond which its attitude is not taken for a constant."""
-
-_LEAST_WHITE = 0.3 * MICRO_G
-"""Least noise of the force, m/s^2/sqrt(Hz)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,61 +64,6 @@ class Series:
 _COLUMNS = 11
 """phi_0 (3), gyro bias (3), accelerometer bias (3), velocity east and north in the middle; then
 the attitude of each dwell (3)."""
-
-
-def _noise(
-    part: GyroSpec | AccelerometerSpec, response: Array, dt: Array, interval: float, unit: Array
-) -> Array:
-    """Return the covariance (a, a) of quantities that answer to increments by (a, m).
-
-    `unit` (a, a) is what white noise of unit density makes.
-    """
-    found = part_covariance(replace(part, bias=0.0), response.T[:, :, None], dt, interval, unit)
-    return np.asarray(sum(found.values(), np.zeros((len(response), len(response)))))
-
-
-def _of_white_noise(
-    walk: Array, double: Array, short: Array, dt: Array, g: float
-) -> tuple[Array, Array]:
-    """Return what white noise of unit density makes of the responses of `_responses`.
-
-    Of two stretches, the later one responds to what the earlier one sees in full (once summed), or
-    by the time since then (twice summed), so that sums over the earlier one's parts are enough.
-
-    Returns
-    -------
-    (m, m), (2m + 1, 2m + 1) float64
-        Of `walk`; and of `walk`, `g * double` and a last row of ones.
-    """
-    m = len(dt)
-    middle = np.cumsum(short) - 0.5 * short
-    at = middle.reshape(m, -1).mean(axis=1)
-    weighted, doubly = walk * short, double * short
-    once, moment = weighted.sum(axis=1), weighted @ middle
-    twice, moment_of_twice = doubly.sum(axis=1), doubly @ middle
-    # Rows are the earlier stretch, columns the later one; both alike on the diagonal.
-    wander = _both_ways(np.repeat(once[:, None], m, axis=1), np.sum(weighted * walk, axis=1))
-    tilt_effect = _both_ways(
-        at * twice[:, None] - moment_of_twice[:, None], np.sum(doubly * double, axis=1)
-    )
-    later = at * once[:, None] - moment[:, None]
-    mixed = np.triu(later, 1) + np.tril(np.repeat(twice[None, :], m, axis=0), -1)
-    mixed[np.diag_indices(m)] = np.sum(weighted * double, axis=1)
-    unit = np.empty((2 * m + 1, 2 * m + 1))
-    unit[:m, :m], unit[m:-1, m:-1] = wander, g * g * tilt_effect
-    unit[:m, m:-1], unit[m:-1, :m] = g * mixed, g * mixed.T
-    unit[-1, :m] = unit[:m, -1] = once
-    unit[-1, m:-1] = unit[m:-1, -1] = g * twice
-    unit[-1, -1] = short.sum()
-    return wander, unit
-
-
-def _both_ways(upper: Array, diagonal: Array) -> Array:
-    """Return a symmetric matrix of what stands above the diagonal and on it."""
-    half = np.triu(upper, 1)
-    out = half + half.T
-    out[np.diag_indices(len(out))] = diagonal
-    return np.asarray(out)
 
 
 def turns_from_middle(
@@ -179,10 +117,7 @@ def make_series(
     interval = h.duration / max(h.samples, 1)
     # Means over a stretch are those at the ends of its updates, as the sums are.
     once = np.tril(np.ones((m, m)), -1) + np.diag(h.mean_shares())
-    walk, double, short = _responses(dt)
-    # The last row is the attitude at the end, which responds to all increments in full.
-    stacked = np.vstack([walk, g * double, np.ones((1, walk.shape[1]))])
-    wander, unit = _of_white_noise(walk, double, short, dt, g)
+    wander, unit = white_noise(dt, g)
 
     # What the vehicle's motion and the instrument make of the series.
     d, c, b, a = levels.likely
@@ -194,10 +129,9 @@ def make_series(
     flat[m :: m + 1] -= d / (dt[1:] * dt[:-1])
     gyro = a * unit
     if spec is not None:
-        # Means over stretches are no better than this, whatever an instrument is said to be.
-        force += max(_LEAST_WHITE**2 - spec.accelerometer.white**2, 0.0) * wander
-        force += _noise(spec.accelerometer, walk, short, interval, wander)
-        gyro += _noise(spec.gyro, stacked, short, interval, unit)
+        specified = specified_noise(dt, interval, g, spec)
+        force += specified[0]
+        gyro += specified[1]
 
     # Dwells whose attitude is steady enough to say something.
     steady = [d for d in dwells if d[1] - d[0] > 8 and np.abs(turns[d[0] : d[1]]).max() < LARGEST]
@@ -232,40 +166,6 @@ def make_series(
         np.concatenate([none, *(np.arange(i, j) for i, j in steady)]),
         np.concatenate([none, *(np.arange(i, j) for i, j in dwells)]) if dwells else np.arange(m),
     )  # fmt: skip
-
-
-def _responses(dt: Array) -> tuple[Array, Array, Array]:
-    """Return how means over stretches answer to increments, once and twice summed.
-
-    The increments are those of the stretches' parts: summed over whole ones, a random walk would
-    have no noise at the highest frequency, and least squares would trust it there without end.
-
-    Returns
-    -------
-    (m, k), (m, k), (k,) float64
-        Responses, and the lengths of the parts, s.
-    """
-    m = len(dt)
-    short = np.repeat(dt / PARTS, PARTS)
-    # The time between the middles of two parts, by means over the parts of a stretch.
-    middle = np.cumsum(short) - 0.5 * short
-    parts = middle.reshape(m, PARTS)
-    twice = np.maximum(parts.mean(axis=1)[:, None] - middle, 0.0)
-    inside = np.maximum(parts[:, :, None] - parts[:, None, :], 0.0)
-    inside += 0.25 * (dt / PARTS)[:, None, None] * np.eye(PARTS)
-    own = np.arange(m)
-    twice.reshape(m, m, PARTS)[own, own] = inside.mean(axis=1)
-    return _once_summed(m), twice, short
-
-
-@lru_cache(maxsize=8)
-def _once_summed(m: int) -> Array:
-    """Return how means over m stretches answer to increments of their parts, once summed."""
-    k = m * PARTS
-    once = np.tril(np.ones((k, k)), -1) + 0.5 * np.eye(k)
-    mean = once.reshape(m, PARTS, k).mean(axis=1)
-    mean.flags.writeable = False
-    return np.asarray(mean)
 
 
 def _propagated(once: Array, steps: Array) -> Array:
