@@ -32,10 +32,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import click
 import jsonschema
 import pytest
 
 import schuler
+from schuler.cli import cli
 from tests.conftest import ROOT
 
 DOCS = ROOT / "docs"
@@ -417,6 +419,54 @@ def test_how_tos_and_tutorials_say_what_they_need_and_how_long_they_take():
         head = " ".join(page.read_text(encoding="utf-8").partition("\n## ")[0].split())
         assert head.count("**You have**") == 1, page.name
         assert head.count("**It takes**") == 1, page.name
+
+
+OWN_FILE = [
+    "align", "aided", "allan", "array", "calibrate", "campaign", "compare", "consistency", "fine",
+    "io", "json", "live", "live-in-motion", "navigate", "north", "plan", "prefilter", "published",
+    "results", "rotation", "simulate", "uncertainty",
+]  # fmt: skip
+"""Pages of the reference that are about a command."""
+
+
+@pytest.mark.parametrize("name", OWN_FILE)
+def test_a_page_of_the_reference_begins_with_the_reader_s_own_file(name):
+    text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
+    first = re.search(r"^```(\w+)\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    assert first is not None
+    assert first[1] == "sh"
+    assert first[2].startswith("schuler ")
+    assert "simulate(" not in text[: first.start()]
+
+
+def commands_of(text: str) -> list[list[str]]:
+    """Return the words of each command of schuler in the blocks that are shown and not run."""
+    found = []
+    for block in re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
+        for line in block.replace("\\\n", " ").splitlines():
+            words = shlex.split(line, comments=True)
+            if "schuler" in words:
+                words = words[words.index("schuler") + 1 :]
+                end = next((k for k, word in enumerate(words) if word in ("|", "||", "&&")), None)
+                found.append(words[:end])
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_commands_that_are_shown_have_their_options(page):
+    for words in commands_of(page.read_text(encoding="utf-8")):
+        group: click.Command = cli
+        rest = list(words)
+        if rest[0] == "array" and rest[1] != "faults":
+            rest.insert(1, "figures")  # which may be left out
+        while isinstance(group, click.Group) and rest and not rest[0].startswith("-"):
+            _, found, rest = group.resolve_command(click.Context(group), rest)
+            assert found is not None, words
+            group = found
+        with click.Context(group) as context:
+            known = {o for p in group.get_params(context) for o in (*p.opts, *p.secondary_opts)}
+        said = {word.partition("=")[0] for word in rest if word.startswith("--")}
+        assert said <= known, (words, said - known)
 
 
 def test_the_first_page_of_the_project_sends_nobody_in_all_directions():

@@ -7,7 +7,8 @@ from contextlib import contextmanager
 from numbers import Real
 
 __all__ = [
-    "InputError", "SchulerError", "expect", "installed", "located", "near", "printable", "shown",
+    "InputError", "SchulerError", "expect", "how_to_install", "installed", "located", "near",
+    "printable", "shown",
 ]  # fmt: skip
 
 #: characters of a message; what a file brings into it has no end otherwise
@@ -116,7 +117,30 @@ def installed(what: str, extra: str, kind: type[SchulerError] = SchulerError) ->
     try:
         yield
     except ImportError:
-        raise kind(f"{what}, which is not installed: pip install 'schuler[{extra}]'") from None
+        raise kind(f"{what}, which is not installed: {how_to_install(extra)}") from None
+
+
+def how_to_install(extra: str) -> str:
+    """Return what installs the libraries of an extra, by their own names.
+
+    ``schuler[ros]`` would look for schuler itself, which need not have come from an index.
+
+    Examples
+    --------
+    >>> how_to_install("ros")
+    "pip install 'rosbags>=0.11.6'"
+    """
+    import re
+    from importlib.metadata import PackageNotFoundError, requires
+
+    try:
+        declared = requires("schuler") or []
+    except PackageNotFoundError:
+        declared = []
+    mark = re.compile(rf"""extra == ['"]{re.escape(extra)}['"]""")
+    parts = [each.partition(";") for each in declared]
+    names = [name.strip() for name, _, condition in parts if mark.search(condition)]
+    return "pip install " + " ".join(f"'{name}'" for name in names or [f"schuler[{extra}]"])
 
 
 def near(text: str, known: Iterable[str]) -> str:

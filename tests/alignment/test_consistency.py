@@ -101,6 +101,14 @@ def test_what_the_earth_rate_contradicts(kind, fault, words):
             assert align(record, there).consistent is False
 
 
+def test_good_gyros_ask_for_a_latitude_that_is_not_rounded():
+    """A quarter of a degree is 0.065 deg/h, where 0.003 deg/h is specified."""
+    record = made(1, grade="navigation-rlg", length=1800.0, rate=10.0, lat=34.25)[0].record
+    said = align(record, Site(lat=34.0), spec="navigation-rlg").contradictions
+    assert [text.endswith("; is the latitude right to 0.01 deg?") for text in said] == [True]
+    assert align(record, Site(lat=34.25), spec="navigation-rlg").contradictions == ()
+
+
 @pytest.mark.parametrize(
     ("gyro", "accel", "mirrored"),
     [

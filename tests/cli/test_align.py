@@ -344,7 +344,7 @@ def test_demo_without_plotly_has_no_report_and_says_so(run, tmp_path, monkeypatc
     done = run("demo", "--out", tmp_path, "--minutes", "0.5")
     assert done.code == 0
     assert "report" not in done.out
-    assert "pip install 'schuler[report]'" in done.err
+    assert "pip install 'plotly>=" in done.err
     assert sorted(p.name for p in tmp_path.iterdir()) == ["demo.json", "demo.parquet"]
 
 

@@ -48,6 +48,16 @@ def test_plan_gives_its_json(cli, tmp_path):
     assert again["objective"] <= data["objective"]
 
 
+def test_a_time_in_all_is_shared_whatever_the_arm_s_rate(cli):
+    code, out, _ = cli(
+        "plan", "centrifuge", "--positions", "4-5", "--total", "40s", "--rounds", 1, "--rate", 240,
+        "--alpha", "0,90", "--gamma", "0,90", "--compare", 0, "--json", "-",
+    )  # fmt: skip
+    assert code == 0
+    # Whole turns of 1.5 s; the 20 s that --dwell would be are none.
+    assert [plan["dwell_s"] for plan in json.loads(out)["plans"]] == [9.0, 7.5]
+
+
 def test_plan_draws_the_trade(cli, tmp_path):
     pytest.importorskip("plotly")
     code, text, _ = cli(

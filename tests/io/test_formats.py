@@ -287,7 +287,7 @@ def test_mat_errors(tmp_path: Path, rows: Array, monkeypatch: pytest.MonkeyPatch
     assert same(read(put(make_text(rows, "   ", header=None), "t.mat")), rates(rows))
     monkeypatch.setitem(__import__("sys").modules, "h5py", None)
     path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n")
-    fails(path, r"needs h5py: install schuler\[mat\]")
+    fails(path, r"needs h5py: pip install 'h5py>=")
 
 
 # -- float64 records -------------------------------------------------------------------

@@ -98,7 +98,8 @@ def test_npz_arrays_that_vanish_or_differ_are_said(tmp_path: Path) -> None:
     data = (tmp_path / "a.npz").read_bytes()
     at = data.rfind(b"PK\x01\x02")
     (tmp_path / "a.npz").write_bytes(data[:at] + data[data.rfind(b"PK\x05\x06") :])
-    fails(tmp_path / "a.npz", "of 5 arrays are listed|damaged npz archive")
+    # Which of them sees it first is a matter of the zipfile of each Python.
+    fails(tmp_path / "a.npz", "of 5 arrays are listed|damaged npz archive|is not an npz archive")
 
 
 def mat_matrix(

@@ -148,4 +148,4 @@ def test_damage_is_said(
     renamed = whole.replace(b"gyro_rad", b"gyro_xyz")
     fails(put(renamed, "a.ulg"), r"its sensor_combined has no gyro_rad\[0\]")
     monkeypatch.setitem(__import__("sys").modules, "pyulog", None)
-    fails(put(whole, "a.ulg"), r"needs pyulog: pip install 'schuler\[ulog\]'")
+    fails(put(whole, "a.ulg"), r"needs pyulog: pip install 'pyulog>=")

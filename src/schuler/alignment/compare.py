@@ -98,7 +98,7 @@ class Comparison(Result):
         Of the heading.
     rows : tuple of Row
     contradictions : tuple of str
-        What the record shows and cannot be, as the first alignment says it.
+        What the record shows and cannot be, as the first alignment without a prefilter says it.
     read_as, assumed : str or None, tuple of str
         How the file was read, where it was one.
     within_arcmin : float or None
@@ -309,7 +309,9 @@ def compare(
         assert within is not None
         settled = _settled(*histories[k], sigma, within, heading)
         rows[k] = replace(rows[k], settle_s=settled)
-    contradictions = next((said[k] for k in sorted(said) if said[k]), ())
+    # A prefilter may take from the record what its consistency is judged by, gravity for one.
+    plain = [k for k in sorted(said) if methods[k].prefilter is None]
+    contradictions = next((said[k] for k in plain or sorted(said) if said[k]), ())
     # A record quieter than its specification has the lower bound.
     return Comparison(
         record.name, record.duration, repeat, min(limits, default=None),
@@ -374,10 +376,12 @@ def _compare_group(
         # Windows are judged by the heading at their start: the vehicle may have moved.
         at = "end" if name in ("gyrocompass", "kalman-large") else "start"
         out.histories[k] = heading_history(fix, _points(fix), parts)
+        notes = [f"chose {fix.method}"] if name == "auto" else []
+        if method.prefilter is not None and not fix.consistent:
+            notes.append("inconsistent after the prefilter")
         out.rows[k] = Row(
             name, filter_name, fix.heading_deg, float(fix.sigma_arcmin[2]), None,
-            _spread(windows, method, at), seconds, f"chose {fix.method}" if name == "auto" else "",
-            fix.consistent,
+            _spread(windows, method, at), seconds, "; ".join(notes), fix.consistent,
         )  # fmt: skip
     return out
 

@@ -298,6 +298,9 @@ def _earth_rate_text(
             readings.append(f"at latitude {own:.1f} deg")
     if readings:
         text += f"; {' or '.join(readings)} it would be consistent"
+    elif 0.0 < bias < found.least_bias < DEG * EARTH_RATE:
+        # Good gyros tell a latitude that was rounded, though not which one is right.
+        text += f"; is the latitude right to {bias / EARTH_RATE / DEG:.1g} deg?"
     return text
 
 

@@ -8,7 +8,7 @@ import click
 
 from schuler.cli.command import Command, add_output, echo
 from schuler.cli.parameters import Count, Number
-from schuler.errors import InputError
+from schuler.errors import InputError, how_to_install
 
 __all__ = ["command"]
 
@@ -92,7 +92,7 @@ def command(out: str, seed: int, minutes: float) -> None:
     echo(f"record {path}, {report}result {folder / 'demo.json'}")
     if not drawn:
         echo(
-            "note: reports are drawn by Plotly, which is not installed: pip install "
-            "'schuler[report]'",
+            "note: reports are drawn by Plotly, which is not installed: "
+            + how_to_install("report"),
             err=True,
         )

@@ -10,7 +10,7 @@ import click
 
 from schuler.cli.command import echo
 from schuler.cli.parameters import OutputFile, OutputFolder
-from schuler.errors import SchulerError
+from schuler.errors import SchulerError, how_to_install
 
 __all__ = ["draw", "draws", "report_option"]
 
@@ -23,8 +23,7 @@ def _needs(module: str, extra: str, what: str) -> None:
     """Say a missing library before the work, without the cost of importing it."""
     if find_spec(module) is None:
         raise SchulerError(
-            f"{what} need {module.capitalize()}, which is not installed: pip install "
-            f"'schuler[{extra}]'"
+            f"{what} need {module.capitalize()}, which is not installed: {how_to_install(extra)}"
         )
 
 

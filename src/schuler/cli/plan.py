@@ -128,8 +128,11 @@ def centrifuge(**options: Any) -> None:
         force=options["force"], rate=options["rate"], latitude=options["lat"],
         noise=options["noise"], order=options["order"],
     )  # fmt: skip
+    # Of a time in all each number of positions gets its own dwell: that of --dwell counts for none.
+    shared = options["total"] is not None and len(counts) > 1
     problem = Problem(
-        plant, counts[0], options["dwell"], Objective(options["objective"]), limits,
+        plant, counts[0], plant.period if shared else options["dwell"],
+        Objective(options["objective"]), limits,
         options["method"],
     )  # fmt: skip
 

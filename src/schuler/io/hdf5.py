@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler.errors import InputError, shown
+from schuler.errors import InputError, how_to_install, shown
 from schuler.io.arrays import OWN, from_arrays, from_own_arrays, holds_samples, own_text
 from schuler.io.content import Content
 from schuler.io.limits import LEAST, check_size
@@ -41,8 +41,8 @@ def open_hdf5(path: Path, mapping: Mapping) -> Content:
         import h5py
     except ImportError:
         raise InputError(
-            "is an HDF5 file (MATLAB 7.3), which needs h5py: install schuler[mat], or save it in "
-            "MATLAB with -v7"
+            f"is an HDF5 file (MATLAB 7.3), which needs h5py: {how_to_install('mat')}, or save it "
+            "in MATLAB with -v7"
         ) from None
     try:
         file = h5py.File(path, "r")

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from schuler.errors import InputError, shown
+from schuler.errors import InputError, how_to_install, shown
 from schuler.io.expansion import expansion
 from schuler.io.limits import check_size, largest
 
@@ -44,7 +44,7 @@ def opened(path: Path) -> Iterator[Any]:
     try:
         from rosbags import rosbag1, rosbag2
     except ImportError:
-        raise InputError("is a ROS bag, which needs rosbags: pip install 'schuler[ros]'") from None
+        raise InputError(f"is a ROS bag, which needs rosbags: {how_to_install('ros')}") from None
     try:
         if path.is_dir():
             for part in sorted(path.iterdir()):

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler.errors import InputError, shown
+from schuler.errors import InputError, how_to_install, shown
 from schuler.io.content import BLOCK_ROWS, Array, Block, Content
 from schuler.io.mapping import Mapping
 from schuler.io.ulogfile import clean
@@ -92,7 +92,7 @@ def _load(path: Path) -> tuple[list[_Stream], list[str]]:
     try:
         from pyulog import ULog
     except ImportError:
-        raise InputError("is a PX4 ULog, which needs pyulog: pip install 'schuler[ulog]'") from None
+        raise InputError(f"is a PX4 ULog, which needs pyulog: {how_to_install('ulog')}") from None
     try:
         with path.open("rb") as file:
             sound = clean(file, path.stat().st_size, (_INCREMENTS, _RATES))

@@ -11,7 +11,7 @@ import numpy as np
 
 from schuler._arrow import column_of
 from schuler._files import replacing
-from schuler.errors import InputError
+from schuler.errors import InputError, how_to_install
 from schuler.io.arrays import OWN
 from schuler.io.dialect import MAGIC
 from schuler.io.sealed import write_sealed
@@ -150,7 +150,7 @@ def _write_hdf5(record: ImuRecord, path: Path, about: str) -> None:
     try:
         import h5py
     except ImportError:
-        raise InputError("HDF5 needs h5py: pip install 'schuler[mat]'") from None
+        raise InputError(f"HDF5 needs h5py: {how_to_install('mat')}") from None
     with h5py.File(path, "w", track_order=True) as file:
         for name, values in {**_arrays(record), OWN: _codes(about)}.items():
             # MATLAB keeps its columns as rows of HDF5, and so do its 7.3 files.

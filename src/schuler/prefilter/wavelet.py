@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.errors import InputError, SchulerError
+from schuler.errors import InputError, SchulerError, how_to_install
 from schuler.prefilter.base import Prefilter, check_channels, each_channel, even_interval
 from schuler.record import ImuRecord
 
@@ -61,7 +61,7 @@ class Wavelet(Prefilter):
             import pywt
         except ImportError:
             raise SchulerError(
-                "wavelet shrinkage needs PyWavelets: pip install 'schuler[prefilter]'"
+                f"wavelet shrinkage needs PyWavelets: {how_to_install('prefilter')}"
             ) from None
         even_interval(record)
         if self.wavelet not in pywt.wavelist(kind="discrete"):

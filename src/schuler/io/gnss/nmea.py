@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from schuler.constants import DEG
-from schuler.errors import InputError
+from schuler.errors import InputError, how_to_install
 from schuler.io.gnss.table import (
     DAY,
     FixTable,
@@ -123,7 +123,7 @@ def need_pynmeagps() -> None:
     try:
         import pynmeagps  # noqa: F401
     except ImportError:
-        raise InputError("is NMEA, which needs pynmeagps: pip install 'schuler[nmea]'") from None
+        raise InputError(f"is NMEA, which needs pynmeagps: {how_to_install('nmea')}") from None
 
 
 def parsed(sentence: bytes, kind: bytes) -> tuple[dict[str, Any] | None, dt.date | None] | None:

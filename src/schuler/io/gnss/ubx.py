@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from schuler.constants import DEG
-from schuler.errors import InputError
+from schuler.errors import InputError, how_to_install
 from schuler.io.gnss.nmea import NmeaReader
 from schuler.io.gnss.table import (
     WEEK,
@@ -53,7 +53,7 @@ class UbxReader:
             from pyubx2 import UBXReader
         except ImportError:
             raise InputError(
-                "is u-blox UBX, which needs pyubx2: pip install 'schuler[ubx]'"
+                f"is u-blox UBX, which needs pyubx2: {how_to_install('ubx')}"
             ) from None
         data = read_bytes(path)
         rows: list[list[Any]] = []

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from schuler.constants import DEG
-from schuler.errors import InputError, shown
+from schuler.errors import InputError, how_to_install, shown
 from schuler.io.gnss.table import Array, FixTable, GnssOptions, drop_rows
 from schuler.io.ulogfile import clean
 
@@ -102,7 +102,7 @@ def _load(path: Path) -> dict[str, dict[str, Array]]:
     try:
         from pyulog import ULog
     except ImportError:
-        raise InputError("is a PX4 ULog, which needs pyulog: pip install 'schuler[ulog]'") from None
+        raise InputError(f"is a PX4 ULog, which needs pyulog: {how_to_install('ulog')}") from None
     try:
         with path.open("rb") as file:
             sound = clean(file, path.stat().st_size, _MESSAGES)
