@@ -25,7 +25,7 @@ from schuler.earth import Site
 from schuler.errors import InputError
 from schuler.io.packets import encode_frame
 from schuler.reports import live_server
-from schuler.reports.live_page import POINTS, LivePage, page_html
+from schuler.reports.live_page import POINTS, LivePage, _degrees, page_html
 from schuler.reports.live_server import LiveServer, allowed_host, parse_address, right_key
 
 from .test_browser import FLAGS, chromium  # noqa: F401
@@ -48,6 +48,13 @@ def data_of(event: bytes) -> dict[str, Any]:
 
 
 # -- the state ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(-1e-9, "0.0000°"), (-0.00006, "-0.0001°"), (1.25, "1.2500°")]
+)
+def test_a_level_that_is_rounded_to_nothing_has_no_sign(value: float, text: str) -> None:
+    assert _degrees(value, 0.5) == text
 
 
 def test_a_solution_is_shown_with_its_sigma_and_what_was_lost(fix: Alignment) -> None:

@@ -208,6 +208,13 @@ def _digits(sigma: float) -> int:
     return min(max(1 - math.floor(math.log10(max(sigma / 60.0, 1e-6))), 0), 5)
 
 
+def _degrees(value: float, sigma: float) -> str:
+    """Return an angle in degrees to the decimals that its sigma (arcmin) leaves meaningful."""
+    digits = _digits(sigma)
+    # A level that is rounded to nothing has no sign.
+    return f"{round(value, digits) + 0.0:.{digits}f}°"
+
+
 def _arcmin(value: float) -> str:
     """Return an angle in arcmin, or in degrees where it has many."""
     if not math.isfinite(value):
@@ -233,8 +240,8 @@ def _facts(fix: Alignment) -> list[list[str]]:
     unknown = "give --spec" if fix.spec is None else "none stated"
     against = unknown if bound is None else f"{_arcmin(up)} / {_arcmin(bound)}"
     return [
-        [f"{fix.pitch_deg:.{_digits(max(east, north))}f}°", "pitch"],
-        [f"{fix.roll_deg:.{_digits(max(east, north))}f}°", "roll"],
+        [_degrees(fix.pitch_deg, max(east, north)), "pitch"],
+        [_degrees(fix.roll_deg, max(east, north)), "roll"],
         [f"{_arcmin(east)} · {_arcmin(north)}", "level, 1 sigma east · north"],
         [against, "heading: sigma / its lower bound"],
         [f"{fix.duration:.0f} s", f"{fix.samples} samples, {fix.method}"],
