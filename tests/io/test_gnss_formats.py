@@ -14,6 +14,7 @@ import pytest
 from schuler.constants import DEG
 from schuler.errors import InputError
 from schuler.io import read_gnss
+from schuler.io.aid_kind import aid_kind
 from schuler.io.gnss import aid_reader, gnss_readers
 from schuler.io.gnss.registry import head_of
 from tests.io import gnss_makers as make
@@ -329,3 +330,18 @@ def test_an_offset_is_added(tmp_path: Path) -> None:
         read_gnss(path, offset=np.nan)
     with pytest.raises(InputError, match=r"no-such\.dat: there is no such file"):
         read_gnss(tmp_path / "no-such.dat")
+
+
+def test_a_record_whose_comments_have_a_latitude_is_no_solution(tmp_path):
+    path = tmp_path / "record.imu"
+    path.write_text(
+        "% 2nd line of the data includes:\n"
+        "%   [latitude0(deg), longitude0(deg), height0(m), t0(s), sampling-interval(ms)].\n"
+        "0 0 2 0 0 80\n0 0 7 0 0 80\n"
+    )
+    assert aid_kind(path) is None
+    path.write_text(
+        "%  GPST  latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)\n"
+        "2200 1.0 48.1 11.5 520.0 1 9 0.01 0.01 0.02 0 0 0\n"
+    )
+    assert aid_kind(path) == "fixes"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -57,15 +58,21 @@ _NEAR = 2.0
 """Latitudes and longitudes of one file are within so many degrees; increments are not a place."""
 
 
+_RTKLIB_NAMES = re.compile(rb"%.*\blatitude\(.*\bQ\b")
+
+
 class RtklibReader:
     """Reader of RTKLIB's solutions in latitude, longitude and height."""
 
     name = "rtklib"
 
     def sniff(self, head: bytes) -> bool:
-        """Say whether a comment names the columns."""
+        """Say whether a comment names the columns.
+
+        PSINS' comments have a latitude, too: that at which a record begins.
+        """
         lines = head.splitlines()[:80]
-        return any(line.startswith(b"%") and b"latitude" in line for line in lines)
+        return any(_RTKLIB_NAMES.match(line) for line in lines)
 
     def alone(self, path: Path) -> bool:
         """Say that a solution is no record of an IMU."""
