@@ -38,11 +38,11 @@
     pen.font = size + "px " + FAMILY;
     return Math.max(...text.split("<br>").map((line) => pen.measureText(line).width));
   }
-  function wrapped(text, size, room) {
+  function brokenInLines(text, size, most) {
     let lines = [""];
     for (const word of text.split(" ")) {
       const longer = (lines[lines.length - 1] + " " + word).trim();
-      if (lines[lines.length - 1] && wide(longer, size) > room) lines.push(word);
+      if (lines[lines.length - 1] && wide(longer, size) > most) lines.push(word);
       else lines[lines.length - 1] = longer;
     }
     return lines.join("<br>");
@@ -58,7 +58,7 @@
     return Array.from(found);
   }
   const SIDE = 0.42; // of the figure's width, for the names at its left
-  // Break names and titles into lines where the figure is too narrow for them, and make room.
+  // Break names and titles into lines where the figure is too narrow for them; widen its margins for them.
   function fit(layout, data, width) {
     const size = (layout.font && layout.font.size) || 12, large = Math.round(1.2 * size);
     const x = Object.assign({}, layout.xaxis), y = Object.assign({}, layout.yaxis);
@@ -66,8 +66,8 @@
     let height = layout.height, left = margin.l;
     const names = words(data, "y"), small = (y.tickfont && y.tickfont.size) || size;
     if (names.length) {
-      const room = SIDE * width;
-      const broken = names.map((name) => wrapped(name, small, room));
+      const widest = SIDE * width;
+      const broken = names.map((name) => brokenInLines(name, small, widest));
       const most = Math.max(...broken.map(rows));
       if (most > 1) {
         Object.assign(y, { tickmode: "array", tickvals: names, ticktext: broken });
@@ -83,11 +83,11 @@
       const step = Math.ceil((need * across.length) / inner);
       if (upright && step > 1) x.dtick = step;
     }
-    // A title is centred on its axis: it has room up to the nearer edge, twice.
-    function title(axis, room) {
+    // A title is centred on its axis: it may be twice as long as from there to the nearer edge.
+    function title(axis, longest) {
       const text = axis.title && axis.title.text;
-      if (!text || wide(text, large) <= room) return 0;
-      axis.title = Object.assign({}, axis.title, { text: wrapped(text, large, room) });
+      if (!text || wide(text, large) <= longest) return 0;
+      axis.title = Object.assign({}, axis.title, { text: brokenInLines(text, large, longest) });
       return rows(axis.title.text) - 1;
     }
     const more = title(x, 2 * Math.min(left + inner / 2, width - left - inner / 2) - 8);
